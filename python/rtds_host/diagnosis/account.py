@@ -20,7 +20,9 @@ from rtds_host.diagnosis.left_out import left_out_gap
 from rtds_host.diagnosis.lookalikes import lookalikes
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.scatter import absent
-from rtds_host.diagnosis.search import Search
+from rtds_host.diagnosis.search.driver import Search
+from rtds_host.diagnosis.search.moves import removing
+from rtds_host.diagnosis.search.store import Store
 from rtds_host.diagnosis.thresholds import FEW_SHARE, MAJORITY
 
 # Why an effect does not stand that the likelihood sees.
@@ -75,37 +77,40 @@ class Account:
 def account(search: Search, fit: Fit) -> Account:
     """Name the effects of an explanation that are included on their own evidence."""
     dropped: dict[tuple[str, str], str] = {}
-    plain = search.prune(fit) if search.closed(fit) else _plainest(search, fit)
-    return _accounted(search, plain if search.named(plain) else fit, dropped)
+    store = search.store
+    plain = removing.pruned(store, fit) if store.closed(fit) else _plainest(store, fit)
+    return _accounted(search, plain if store.named(plain) else fit, dropped)
 
 
 def less(search: Search, before: Account, gone: dict[tuple[str, str], str]) -> Account:
     """An account without some of its effects, the others fitted and weighed again; gone : why each of these is no
     longer included."""
-    kept = {cause: u for cause, u in before.fit.parts.items() if cause not in gone}
+    store, kept = search.store, {cause: u for cause, u in before.fit.parts.items() if cause not in gone}
     if not kept:
         return Account(
-            before.base, before.base, (), before.dropped | gone, (), _alternatives(search, before.base, [], [])
+            before.base, before.base, (), before.dropped | gone, (), _alternatives(store, before.base, [], [])
         )
-    return _accounted(search, search.try_fit(*joined(kept), before.fit), before.dropped | gone)
+    return _accounted(search, store.try_fit(*joined(kept), before.fit), before.dropped | gone)
 
 
 def _accounted(search: Search, fit: Fit, dropped: dict[tuple[str, str], str]) -> Account:
     """The account of an explanation, without the effects in it that are not worth it, which join `dropped`."""
+    store = search.store
     while fit.hypothesis:
-        standing = [_weighed(search, fit, cause, one) for cause, one in zip(fit.hypothesis, _without(search, fit))]
-        exact = search.closed(fit)
-        fallen = (_unlikely(standing) or _poor(search, standing, fit)) if exact else _useless(search, standing)
+        refitted = store.in_earnest(removing.without(store, fit, *fit.hypothesis))
+        standing = [_weighed(store, fit, cause, one) for cause, one in zip(fit.hypothesis, refitted)]
+        exact = store.closed(fit)
+        fallen = (_unlikely(standing) or _poor(store, standing, fit)) if exact else _useless(store, standing)
         if fallen is None:
             break
         one, dropped[one.cause] = fallen
-        fit = search.try_fit(one.refitted.hypothesis, one.refitted.u, one.refitted)
+        (fit,) = store.in_earnest([one.refitted])
     else:
         standing = []
-    base = _base(search)
-    if fit.hypothesis and left_out_gap(search.problem, fit) > left_out_gap(search.problem, base):
+    base = _base(store)
+    if fit.hypothesis and left_out_gap(store.problem, fit) > left_out_gap(store.problem, base):
         dropped |= {cause: USELESS for cause in fit.hypothesis}
-        fit, standing = search.fits[()], []
+        fit, standing = store.fits[()], []
     if not fit.hypothesis:
         fit = base
     alike, rivals = lookalikes(search, fit, [(s.cause, s.refitted) for s in standing])
@@ -116,14 +121,14 @@ def _accounted(search: Search, fit: Fit, dropped: dict[tuple[str, str], str]) ->
         tuple(standing),
         dropped,
         alike,
-        _alternatives(search, fit, standing, rivals),
-        {causes[0]: _share(search, causes) for causes in alike},
+        _alternatives(store, fit, standing, rivals),
+        {causes[0]: _share(store, causes) for causes in alike},
     )
 
 
-def _base(search: Search) -> Fit:
+def _base(store: Store) -> Fit:
     """No effect: the nuisances refitted, or as declared where that foretells runs left out better."""
-    problem, fit = search.problem, search.refitted()
+    problem, fit = store.problem, store.refitted()
     return min((fit, declared(problem, fit)), key=lambda one: left_out_gap(problem, one))
 
 
@@ -137,42 +142,37 @@ def declared(problem: Problem, fit: Fit) -> Fit:
     )
 
 
-def _plainest(search: Search, fit: Fit) -> Fit:
+def _plainest(store: Store, fit: Fit) -> Fit:
     """The explanation with effects in their simpler form, where the further parameters are not worth an effect."""
-    found = Judged.of(search.problem, fit)
-    for plain in sorted(search.plainer(fit), key=search.score):
-        plain = search.try_fit(plain.hypothesis, plain.u, plain)
-        one = Judged.of(search.problem, plain)
-        if search.named(plain) and leaves(found, one) > WORTH and _worth_it(search, plain, one, fit):
-            return _plainest(search, plain)
+    found = Judged.of(store.problem, fit)
+    for plain in sorted(store.try_fits(removing.plainer(store, fit), rough=True), key=store.score):
+        (plain,) = store.in_earnest([plain])
+        one = Judged.of(store.problem, plain)
+        if store.named(plain) and leaves(found, one) > WORTH and _worth_it(store, plain, one, fit):
+            return _plainest(store, plain)
     return fit
 
 
-def _worth_it(search: Search, plain: Fit, judged: Judged, fit: Fit) -> bool:
+def _worth_it(store: Store, plain: Fit, judged: Judged, fit: Fit) -> bool:
     """Whether the simpler forms of an explanation's effects are worth their place themselves."""
     simpler = set(plain.hypothesis) - set(fit.hypothesis)
-    less = search.try_fits((one.hypothesis, one.u, one) for one in search.without(plain, *simpler))
-    return all(leaves(judged, Judged.of(search.problem, one)) <= WORTH for one in less)
+    less = store.in_earnest(removing.without(store, plain, *simpler))
+    return all(leaves(judged, Judged.of(store.problem, one)) <= WORTH for one in less)
 
 
-def _without(search: Search, fit: Fit) -> list[Fit]:
-    """The explanation without each of its effects, the others fitted again."""
-    return search.try_fits((one.hypothesis, one.u, one) for one in search.without(fit, *fit.hypothesis))
-
-
-def _weighed(search: Search, fit: Fit, cause: tuple[str, str], refitted: Fit) -> Standing:
-    problem = search.problem
+def _weighed(store: Store, fit: Fit, cause: tuple[str, str], refitted: Fit) -> Standing:
+    problem = store.problem
     gain, t = compared(problem, fit, refitted)
-    share = search.takes_off(fit, refitted)
-    without, gap = _closest(search, fit, refitted)
+    share = store.takes_off(fit, refitted)
+    without, gap = _closest(store, fit, refitted)
     found = Judged.of(problem, fit)
     others = [Judged.of(problem, one) for one in ((refitted,) if without is refitted else (without, refitted))]
     left = max(leaves(found, one) for one in others)
     evidence = [believed(gain, t), believed(*closer(problem, fit, without))]
-    if not search.closed(fit):
+    if not store.closed(fit):
         # The likelihood of unknown size a block of time, of runs that the effect was not fitted to.
         evidence.append(-0.5 * problem.block_count * math.log(left))
-    odds = search.log_prior((cause,)) + max(evidence)
+    odds = store.log_prior((cause,)) + max(evidence)
     probability = 1.0 / (1.0 + math.exp(-max(min(odds, 50.0), -50.0)))
     return Standing(
         cause,
@@ -187,24 +187,24 @@ def _weighed(search: Search, fit: Fit, cause: tuple[str, str], refitted: Fit) ->
     )
 
 
-def _closest(search: Search, fit: Fit, without: Fit) -> tuple[Fit, float]:
+def _closest(store: Store, fit: Fit, without: Fit) -> tuple[Fit, float]:
     """The explanation without an effect, with the nuisances that bring its replay closest, and its gap: those that the
     likelihood prefers may open the gap, which would flatter the effect."""
-    problem = search.problem
+    problem = store.problem
     kept = replace(without, z=fit.z, residual=problem.residual(without.model_at(problem, fit.z)))
-    tried = [without, kept, *([search.refitted()] if not without.hypothesis else [])]
+    tried = [without, kept, *([store.refitted()] if not without.hypothesis else [])]
     gaps = [problem.gap_as_fitted(f.model(problem)) for f in tried]
     k = min(range(len(tried)), key=gaps.__getitem__)
     return tried[k], gaps[k]
 
 
-def _useless(search: Search, standing: list[Standing]) -> tuple[Standing, str] | None:
+def _useless(store: Store, standing: list[Standing]) -> tuple[Standing, str] | None:
     """The effect that helps least on runs left out, if it leaves more there than it may, or closes hardly a hundredth
     of the gap: what is left next to a cause that closes nearly all may be of any form."""
     one = max(standing, key=lambda s: s.left)
     if one.left > WORTH:
         return one, f"{USELESS} (it leaves {min(one.left, 9.99):.2f} of the unexplained part)"
-    least = FEW_SHARE * search.gap(search.fits[()])
+    least = FEW_SHARE * store.gap(store.fits[()])
     one = min(standing, key=lambda s: s.gaps[0] - s.gaps[1])
     return (one, NOTHING) if one.gaps[0] - one.gaps[1] < least else None
 
@@ -217,17 +217,17 @@ def _unlikely(standing: list[Standing]) -> tuple[Standing, str] | None:
     return one, f"is missed too unevenly to be there (gain {one.gain:.0f}, {one.t:.1f} times its scatter over the runs)"
 
 
-def _poor(search: Search, standing: list[Standing], fit: Fit) -> tuple[Standing, str] | None:
+def _poor(store: Store, standing: list[Standing], fit: Fit) -> tuple[Standing, str] | None:
     """Where nothing but noise is left: the effect that closes least, if it closes no gap."""
-    poor, exact = [], excess(search.problem, fit) == 0.0
+    poor, exact = [], excess(store.problem, fit) == 0.0
     for one in standing:
         without, gap = one.gaps
         if exact:
             # The likelihood tells an effect from a tolerance that nearly takes its place, the gap does not: it is that
             # without the effect and all else as it is. One whose place is taken to within noise must open more than
             # noise then.
-            replaced = without < LEAST and excess(search.problem, search.fits[one.without.hypothesis]) == 0.0
-            without = max(without, search.problem.gap_as_fitted(absent(search.problem, fit, one.cause)))
+            replaced = without < LEAST and excess(store.problem, store.fits[one.without.hypothesis]) == 0.0
+            without = max(without, store.problem.gap_as_fitted(absent(store.problem, fit, one.cause)))
             worth = worth_naming(without, gap) and not (replaced and without**2 - gap**2 < 1.0)
         else:
             worth = worth_naming(without, gap, one.share)
@@ -236,20 +236,20 @@ def _poor(search: Search, standing: list[Standing], fit: Fit) -> tuple[Standing,
     return (min(poor, key=lambda found: found[0])[1], NOTHING) if poor else None
 
 
-def _share(search: Search, causes: tuple[tuple[str, str], ...]) -> float:
+def _share(store: Store, causes: tuple[tuple[str, str], ...]) -> float:
     """Of a set of look-alikes, the first one's share by prior."""
-    priors = [math.exp(search.log_prior((cause,))) for cause in causes]
+    priors = [math.exp(store.log_prior((cause,))) for cause in causes]
     return priors[0] / sum(priors)
 
 
 def _alternatives(
-    search: Search, fit: Fit, standing: list[Standing], rivals: list[Fit]
+    store: Store, fit: Fit, standing: list[Standing], rivals: list[Fit]
 ) -> tuple[tuple[Hypothesis, float], ...]:
-    others = {f.hypothesis: f for f in [*rivals, *(s.without for s in standing), search.fits[()]] if f is not fit}
+    others = {f.hypothesis: f for f in [*rivals, *(s.without for s in standing), store.fits[()]] if f is not fit}
     weights = {fit.hypothesis: 1.0}
     for hypothesis, other in others.items():
-        gain, t = compared(search.problem, fit, other)
-        odds = search.log_prior(hypothesis) - search.log_prior(fit.hypothesis) - believed(gain, t)
+        gain, t = compared(store.problem, fit, other)
+        odds = store.log_prior(hypothesis) - store.log_prior(fit.hypothesis) - believed(gain, t)
         weights[hypothesis] = math.exp(min(odds, 0.0))
     total = sum(weights.values())
     ranked = sorted(weights.items(), key=lambda item: (-item[1], item[0] != fit.hypothesis))

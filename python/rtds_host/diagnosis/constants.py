@@ -111,10 +111,11 @@ def kind(reason: str) -> str:
 
 
 def by_room(rows: list[tuple[str, str, str, str]]) -> dict[str, list[tuple[str, str, str, str]]]:
-    """The rows by folder, those next to the folders as the search and its account."""
+    """The rows by folder, those of the search and next to the folders as the search and its account."""
     found: dict[str, list[tuple[str, str, str, str]]] = {}
     for row in rows:
-        found.setdefault(row[0].split("/")[0] if "/" in row[0] else "search and account", []).append(row)
+        folder = row[0].split("/")[0] if "/" in row[0] else "search"
+        found.setdefault("search and account" if folder == "search" else folder, []).append(row)
     return found
 
 

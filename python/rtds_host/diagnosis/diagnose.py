@@ -14,7 +14,6 @@ from rtds_host.contract import Case
 from rtds_host.diagnosis import budget
 from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.account import Account, Standing, account, declared, less
-from rtds_host.diagnosis.beam import widened
 from rtds_host.diagnosis.choice import Judged, chosen
 from rtds_host.diagnosis.effort import Effort
 from rtds_host.diagnosis.experiment import next_experiment
@@ -32,7 +31,10 @@ from rtds_host.diagnosis.report.details import Candidate, Details
 from rtds_host.diagnosis.residual import CHANNELS
 from rtds_host.diagnosis.scatter import over_runs, scattered
 from rtds_host.diagnosis.screen import changes_by_missing, sensitivities_of
-from rtds_host.diagnosis.search import MOST_WORK, QUICK_WORK, Search
+from rtds_host.diagnosis.search.beam import widened
+from rtds_host.diagnosis.search.driver import MOST_WORK, QUICK_WORK, Limits, Search
+from rtds_host.diagnosis.search.moves.adding import with_one_of
+from rtds_host.diagnosis.search.store import Store
 from rtds_host.diagnosis.thresholds import MINOR_SHARE, SIGNIFICANT
 from rtds_host.vectors import given
 
@@ -128,7 +130,7 @@ def investigate(
     best = search.run()
     if case.robot.encoder is None:
         search, best = _encoder_placed(case, search, best, threads, without)
-    if not search.closed(best):
+    if not search.store.closed(best):
         search, best = chosen_search(search.problem.case, search, best, threads, without)
     say("account", 0.7)
     return Investigation(search.problem, search, account(search, best))
@@ -141,18 +143,20 @@ def _encoder_placed(case: Case, search: Search, best: Fit, threads: int, without
     was found, with one of these more and the encoder on the wheel, is fitted first; only if that is the more probable
     is a whole search worth its time.
     """
-    if search.problem.robot.axis is not None or search.closed(best):
+    if search.problem.robot.axis is not None or search.store.closed(best):
         return search, best
     on_wheel = replace(case, robot=replace(case.robot, encoder="wheel"))
     other = Search(Problem(on_wheel, threads), search.quick, without)
     nothing = other.begin()
-    base = other.try_fit(best.hypothesis, best.u, nothing) if best.hypothesis else nothing
-    fits = [base, *other.with_one_of(base, {e.id for e in other.effects.values() if e.gives} & other.wanted)]
+    store = other.store
+    base = store.try_fit(best.hypothesis, best.u, nothing) if best.hypothesis else nothing
+    giving = {e.id for e in store.effects.values() if e.gives} & store.wanted
+    fits = [base, *store.try_fits(with_one_of(store, base, giving))]
     other.problem.follow_angles(False)
-    if min(map(other.score, fits)) >= search.score(best):
+    if min(map(store.score, fits)) >= search.store.score(best):
         return search, best
     found = other.run()
-    return (other, found) if other.score(found) < search.score(best) else (search, best)
+    return (other, found) if store.score(found) < search.store.score(best) else (search, best)
 
 
 def chosen_search(case: Case, search: Search, best: Fit, threads: int, without: frozenset[str]) -> tuple[Search, Fit]:
@@ -173,17 +177,17 @@ def chosen_search(case: Case, search: Search, best: Fit, threads: int, without: 
     start = owner.problem.aligned_commands(fit.model(owner.problem)) if case.robot.axis is None else fit.start
     if start != fit.start:
         # The link of one run was later than that of the others, which hides what else is missing: once more without.
-        kept = [(one.fits, one.fitter.start) for one in searches]
+        kept = [(one.store.fits, one.store.fitter.start) for one in searches]
         for one in searches:
-            one.fitter.start = one.fitter.start.with_lates(dict(start.lates))
-            one.fits = {}
+            fitter = one.store.fitter
+            one.store.fits, fitter.start = {}, fitter.start.with_lates(dict(start.lates))
             one.begin()
-        again = search.try_fit(fit.hypothesis, fit.u, search.fits[()])
+        again = search.store.try_fit(fit.hypothesis, fit.u, search.store.fits[()])
         aligned_owner, aligned = by_runs_left_out(searches, again)
         if aligned.gap < taken.gap:
             return aligned_owner, aligned.fit
         for one, (fits, began) in zip(searches, kept, strict=True):
-            one.fits, one.fitter.start = fits, began
+            one.store.fits, one.store.fitter.start = fits, began
     return owner, taken.fit
 
 
@@ -197,11 +201,11 @@ def by_runs_left_out(searches: list[Search], best: Fit) -> tuple[Search, Judged]
             found.setdefault(count, []).extend((Judged.of(one.problem, fit), one) for fit in [*mine, *fits])
     if len(best.hypothesis) not in found:
         found[len(best.hypothesis)] = [(Judged.of(search.problem, best), search)]
-    taken = chosen({count: [judged for judged, _ in mine] for count, mine in found.items()}, search.prior)
+    taken = chosen({count: [judged for judged, _ in mine] for count, mine in found.items()}, search.store.prior)
     owner = next(one for mine in found.values() for judged, one in mine if judged is taken)
     # What plain squares found is weighed by the likelihood as all else is, and fitted by it where that is exact.
     fit = replace(taken.fit, noise=owner.problem.white().estimated(taken.fit.residual))
-    return owner, replace(taken, fit=owner.try_fit(fit.hypothesis, fit.u, fit) if owner.closed(fit) else fit)
+    return owner, replace(taken, fit=owner.store.in_earnest([fit])[0] if owner.store.closed(fit) else fit)
 
 
 def conclude(
@@ -233,7 +237,7 @@ def conclude(
     structured = _beyond_noise(problem, weighed.fit, total["after"]) and _correlated(problem, weighed.fit)
     verdict = _verdict(total, bool(weighed.standing), structured, unexplained)
     timing = given(gate.timing, "the clock")
-    known = intervals(problem, weighed.fit, timing.stamps_s, timing.step_s, _missing(found.search, weighed.fit))
+    known = intervals(problem, weighed.fit, timing.stamps_s, timing.step_s, _missing(found.search.store, weighed.fit))
     scatter = scattered(problem, weighed.fit) if weighed.standing else {}
     localisation = localise(problem.looked_at, weighed.base.model(problem))
     after = localise(problem.looked_at, weighed.fit.model(problem), held=True) if weighed.standing else localisation
@@ -274,7 +278,7 @@ def conclude(
         "held_out_runs": [run.name for run in problem.case.runs],
         "next_experiment": None,
     }
-    diagnosis["next_experiment"] = next_experiment(problem, found.search, weighed, diagnosis)
+    diagnosis["next_experiment"] = next_experiment(problem, found.search.store, weighed, diagnosis)
     lies = localisation, after if weighed.standing else None
     details = _details(found, gate, weighed, held, shapes.notes, lies)
     if verdict != "none":
@@ -308,7 +312,7 @@ def _details(
         notes=list(problem.case.notices)
         + held.notes
         + notes
-        + said_of_end(found.search)
+        + said_of_end(found.search.limits)
         + _louder(problem, weighed.fit),
     )
 
@@ -331,19 +335,19 @@ def without_given_way(found: Investigation, weighed: Account, shapes: Forms) -> 
     return less_named, held, shapes
 
 
-def _missing(search: Search, fit: Fit) -> list[np.ndarray]:
+def _missing(store: Store, fit: Fit) -> list[np.ndarray]:
     """Changes of the residuals, (N,) each, by effects that a fit does not have; none where it leaves no gap."""
-    if not fit.hypothesis or search.closed(fit):
+    if not fit.hypothesis or store.closed(fit):
         return []
-    return changes_by_missing(sensitivities_of(search.fitter, fit, {}, search.wanted, {}, coarse=True), fit)
+    return changes_by_missing(sensitivities_of(store.fitter, fit, {}, store.wanted, {}, coarse=True), fit)
 
 
-def said_of_end(search: Search) -> list[str]:
+def said_of_end(limits: Limits) -> list[str]:
     """What is said of a search that ended before it was done."""
-    further = "; without --quick it goes on three times as long" if search.quick else ""
+    further = "; without --quick it goes on three times as long" if limits.quick else ""
     return (
         [f"the search has ended before it was done, and what it had found by then is shown{further}"]
-        if search.ended
+        if limits.ended
         else []
     )
 
@@ -507,11 +511,11 @@ def _alternatives(problem: Problem, weighed: Account, verdict: str) -> list[dict
 
 def _candidates(found: Investigation, weighed: Account) -> list[Candidate]:
     """What was tried, best first, with the reason in words."""
-    problem, search, chosen = found.problem, found.search, weighed.fit
+    problem, store, chosen = found.problem, found.search.store, weighed.fit
     likely = dict(weighed.alternatives)
     equals = {cause for causes in weighed.alike for cause in causes[1:]}
-    fits = sorted(search.fits.values(), key=lambda f: (f.hypothesis != chosen.hypothesis, search.score(f)))[:14]
-    base = search.fits[()]
+    fits = sorted(store.fits.values(), key=lambda f: (f.hypothesis != chosen.hypothesis, store.score(f)))[:14]
+    base = store.fits[()]
     rows = []
     for fit in fits:
         if fit.hypothesis == chosen.hypothesis:
@@ -530,7 +534,7 @@ def _candidates(found: Investigation, weighed: Account) -> list[Candidate]:
         else:
             verdict, reason = (
                 "rejected",
-                f"is {0.5 * (search.score(fit) - search.score(chosen)):.0f} units of log evidence behind",
+                f"is {0.5 * (store.score(fit) - store.score(chosen)):.0f} units of log evidence behind",
             )
         rows.append(
             Candidate(

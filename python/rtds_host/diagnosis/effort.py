@@ -1,7 +1,7 @@
 """How far a diagnosis is, counted in the work of its search and not in the stages that it has passed.
 
-A search ends by itself or after so much work (`Search._most`), so that the share of what it may do is known at every
-moment: an upper bound of what is left. `Problem` tells each piece of work to whoever watches.
+A search ends by itself or after so much work (`Limits`), so that the share of what it may do is known at every moment:
+an upper bound of what is left. `Problem` tells each piece of work to whoever watches.
 """
 
 from __future__ import annotations

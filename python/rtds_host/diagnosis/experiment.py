@@ -20,7 +20,7 @@ from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import Model, replay_run, run_inputs
 from rtds_host.diagnosis.report.words import SUBSYSTEM_WORDS
 from rtds_host.diagnosis.screen import available, clashes, start_values
-from rtds_host.diagnosis.search import Search
+from rtds_host.diagnosis.search.store import Store
 from rtds_host.diagnosis.start import DECLARED
 from rtds_host.errors import InputError
 from rtds_host.plant.schema import OUTPUTS
@@ -92,11 +92,11 @@ def _separation(plan: RunLog, problem: Problem, a: Fit, b: Fit, known: np.ndarra
     return float(np.sqrt(max(left, 0.0)))
 
 
-def _in_its_place(search: Search, weighed: Account, cause: tuple[str, str], other: tuple[str, str]) -> Fit:
+def _in_its_place(store: Store, weighed: Account, cause: tuple[str, str], other: tuple[str, str]) -> Fit:
     """The explanation with a look-alike in place of a blamed effect that the search never met there."""
     without = next(one.without for one in weighed.standing if one.cause == cause)
-    start = scaled(search.effects, (other,), start_values(search.effects[other[0]])[:1])
-    return search.try_fit(*joined({**without.parts, other: start}), without, rough=True)
+    start = scaled(store.effects, (other,), start_values(store.effects[other[0]])[:1])
+    return store.try_fit(*joined({**without.parts, other: start}), without, rough=True)
 
 
 def _supposed(problem: Problem, fit: Fit, subsystem: str | None) -> list[Fit]:
@@ -119,7 +119,7 @@ def _supposed(problem: Problem, fit: Fit, subsystem: str | None) -> list[Fit]:
     return found[:SUPPOSED]
 
 
-def next_experiment(problem: Problem, search: Search, weighed: Account, diagnosis: dict) -> dict | None:
+def next_experiment(problem: Problem, store: Store, weighed: Account, diagnosis: dict) -> dict | None:
     """The manoeuvre to run next (contract, section 5): the one that separates indistinguishable effects, or that would
     tell most about the residual.
 
@@ -136,7 +136,7 @@ def next_experiment(problem: Problem, search: Search, weighed: Account, diagnosi
         causes = weighed.alike[0]
         kept = {h for h in weighed.fit.hypothesis if h != causes[0]}
         rivals = [
-            search.fits.get(tuple(sorted({*kept, m}))) or _in_its_place(search, weighed, causes[0], m) for m in causes
+            store.fits.get(tuple(sorted({*kept, m}))) or _in_its_place(store, weighed, causes[0], m) for m in causes
         ]
         separates = [{"id": e, "side": problem.effects[e].side_on(problem.robot.axis, s)} for e, s in causes]
     else:

@@ -14,7 +14,7 @@ from collections import deque
 from collections.abc import Generator, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -29,6 +29,8 @@ Effects = dict[str, Effect]
 
 # Numerical: what a step must still bring, in -2 log probability, in earnest and where a fit may be rough.
 STEP_GAIN, ROUGH_GAIN = 0.2, 2.0
+# Numerical: steps of a fit in earnest, and of a rough one.
+ITERATIONS, ROUGH_ITERATIONS = 8, 4
 # Numerical: a step that brought no more than this shows that the nuisances' derivatives are out of date, or the end;
 # how often they are taken again.
 RENEWED, RENEWALS = 5.0, 1
@@ -136,6 +138,10 @@ class Fit:
         """`u` by effect."""
         return split(self.effects, self.hypothesis, self.u)
 
+    def without(self, *causes: tuple[str, str]) -> dict[tuple[str, str], np.ndarray]:
+        """The same less some effects."""
+        return {cause: u for cause, u in self.parts.items() if cause not in causes}
+
     @property
     def columns(self) -> dict[tuple[str, str], np.ndarray]:
         """Derivatives by effect, (N, n) each."""
@@ -204,6 +210,20 @@ def side_by_side(problem: Problem, works: Iterable[Asking[T]]) -> list[T]:
         for k, (work, models, _) in now:
             on(k, work, list(itertools.islice(found, len(models))))
     return [results[k] for k in sorted(results)]
+
+
+class Proposal(NamedTuple):
+    """An explanation, scaled parameters (p,) to fit it from, and the fit whose nuisances and discrepancy to begin
+    with."""
+
+    hypothesis: Hypothesis
+    u: np.ndarray
+    near: Fit
+
+    @classmethod
+    def of(cls, parts: Mapping[tuple[str, str], np.ndarray], near: Fit) -> Proposal:
+        """By the scaled parameters of each effect."""
+        return cls(*joined(dict(parts)), near)
 
 
 class Fitter:
@@ -306,7 +326,7 @@ class Fitter:
         start: np.ndarray,
         z: np.ndarray,
         noise: Likelihood,
-        iterations: int = 8,
+        iterations: int = ITERATIONS,
         known: dict[tuple[str, str], np.ndarray] | None = None,
         fixed: bool = False,
         by_nuisance: np.ndarray | None = None,
@@ -316,6 +336,35 @@ class Fitter:
         return side_by_side(
             self.problem, [self.fitting(hypothesis, start, z, noise, iterations, known, fixed, by_nuisance, least)]
         )[0]
+
+    def fitting_to(self, proposal: Proposal, rough: bool) -> Asking[Fit]:
+        """The fit of a proposal, which asks for the residuals that it needs."""
+        hypothesis, u, near = proposal
+        z = near.z
+        if len(z):
+            # Nuisances that bent to stand in for an effect are a poor place to start from.
+            starts = [z, np.zeros_like(z)]
+            values = to_values(self.effects, hypothesis, u)
+            models = [
+                apply(self.effects, self.problem.with_nuisances(s, self.start), hypothesis, values) for s in starts
+            ]
+            z = starts[int(np.argmin([float(r @ r) for r in (yield models, [m.coarse_s for m in models])]))]
+        known = None
+        if rough:
+            parts = split(self.effects, hypothesis, u)
+            known = {m: c for m, c in near.columns.items() if m in parts and np.array_equal(parts[m], near.parts[m])}
+        return (
+            yield from self.fitting(
+                hypothesis,
+                u,
+                z,
+                near.noise,
+                ROUGH_ITERATIONS if rough else ITERATIONS,
+                known,
+                by_nuisance=near.by_nuisance,
+                least=ROUGH_GAIN if rough else STEP_GAIN,
+            )
+        )
 
     def _own(self, hypothesis: Hypothesis, known: Mapping[tuple[str, str], np.ndarray]) -> list[int]:
         """Places in (z, u) of the parameters whose derivatives are not known."""

@@ -6,11 +6,13 @@ from collections.abc import Container, Iterable
 
 from rtds_host.diagnosis.choice import AS_MUCH, Judged
 from rtds_host.diagnosis.evidence import compared, distinguishable, worth_naming
-from rtds_host.diagnosis.fit import Fit, joined, scaled
+from rtds_host.diagnosis.fit import Fit, Proposal, scaled
 from rtds_host.diagnosis.gap import LEAST
 from rtds_host.diagnosis.indistinguishable import indistinguishable, nearly_indistinguishable
 from rtds_host.diagnosis.screen import Candidate, available, clashes, start_values
-from rtds_host.diagnosis.search import Search
+from rtds_host.diagnosis.search.driver import Search
+from rtds_host.diagnosis.search.moves import exchanging, renaming
+from rtds_host.diagnosis.search.store import Store
 from rtds_host.diagnosis.thresholds import MINOR_SHARE
 
 Cause = tuple[str, str]
@@ -30,67 +32,69 @@ def lookalikes(
     and whatever else does; what is nearly so and was not met comes last. Each was fitted in the effect's place, lies
     within its bounds there and opens no gap: an upside-down gyro is no track of a negative width.
     """
-    sets, rivals = [], []
-    case, there = search.problem.case, {effect.id for effect in available(search.problem)} & search.wanted
+    store = search.store
+    sets, shown = [], []
+    case, there = store.problem.case, {effect.id for effect in available(store.problem)} & store.wanted
     for one, without in standing:
         inherent, near = (
             [cause for cause in alike if cause[0] in there and not clashes(cause, fit.hypothesis)]
             for alike in (indistinguishable(case, one, fit.hypothesis), nearly_indistinguishable(case, one))
         )
         swaps, further = swaps_of(search, fit, one, without), {}
-        known = {cause for cause in swaps if cause in near or cause[0] in search.effects[one[0]].confused_with}
-        fitting = _fitting(search, fit, swaps, known)
+        known = {cause for cause in swaps if cause in near or cause[0] in store.effects[one[0]].confused_with}
+        fitting = _fitting(store, fit, swaps, known)
         # What a look-alike is confused with may be one, too: the motor's constant for viscous friction, and a gain for
         # that.
         further = {
-            cause: swaps.get(cause) or search.swapped(fit, without, candidate)
+            cause: swaps.get(cause) or exchanging.swapped(store, fit, without, candidate)
             for cause, candidate in _further(search, one, without, fitting).items()
             if cause not in known
         }
-        fitting |= _fitting(search, fit, further, further)
+        fitting |= _fitting(store, fit, further, further)
         found = sorted((cause not in known, gain, cause) for cause, (gain, _) in fitting.items())
-        rivals += [swapped for _, swapped in fitting.values()]
+        shown += [swap for _, swap in fitting.values()]
         others = list(dict.fromkeys([*inherent, *(cause for *_, cause in found), *near]))
         fitted = {cause: swap for cause, swap in (swaps | further).items() if cause in others}
         fitted |= {cause: swap for cause, (_, swap) in fitting.items()}
         alike: list[Cause] = []
         for cause in others:
-            if len(alike) < LARGEST_SET - 1 and _possible(search, fit, one, without, cause, fitted.get(cause)):
+            if len(alike) < LARGEST_SET - 1 and _possible(store, fit, one, without, cause, fitted.get(cause)):
                 alike.append(cause)
         if alike:
             sets.append((one, *alike))
-    return tuple(sets), rivals
+    return tuple(sets), shown
 
 
-def _possible(search: Search, fit: Fit, one: Cause, without: Fit, cause: Cause, met: Fit | None) -> bool:
+def _possible(store: Store, fit: Fit, one: Cause, without: Fit, cause: Cause, met: Fit | None) -> bool:
     """Whether another effect in one's place opens no gap at a size that it can have; `met`: a fit of it there."""
 
     def fits(swapped: Fit) -> bool:
-        if not search.named(swapped):
+        if not store.named(swapped):
             return False
-        if search.closed(fit):
-            return not opens_gap(search.gap(swapped), search.gap(fit))
-        return Judged.of(search.problem, swapped).gap <= AS_MUCH * Judged.of(search.problem, fit).gap
+        if store.closed(fit):
+            return not opens_gap(store.gap(swapped), store.gap(fit))
+        return Judged.of(store.problem, swapped).gap <= AS_MUCH * Judged.of(store.problem, fit).gap
 
     if met is not None and fits(met):
         return True
-    effect, own = search.effects[cause[0]], dict(zip(fit.hypothesis, fit.values))[one]
+    effect, own = store.effects[cause[0]], dict(zip(fit.hypothesis, fit.values))[one]
     starts = start_values(effect)
     if "ratio" in own and [p.name for p in effect.parameters] == ["ratio"] and own["ratio"]:
         # Of two factors that do the same, one is the other or its inverse.
         starts = [*({"ratio": ratio} for ratio in (own["ratio"], 1.0 / own["ratio"])), *starts]
     bounds = {p.name: (p.low, p.high) for p in effect.parameters}
     inside = [{name: min(max(v, bounds[name][0]), bounds[name][1]) for name, v in start.items()} for start in starts]
-    begun = [joined({**without.parts, cause: scaled(search.effects, (cause,), [values])}) for values in inside]
-    rough = search.try_fits([(*start, without) for start in begun], rough=True)
+    begun = [
+        Proposal.of({**without.parts, cause: scaled(store.effects, (cause,), [values])}, without) for values in inside
+    ]
+    rough = store.try_fits(begun, rough=True)
     if not rough:
         return False
-    best = min(rough, key=search.score)
-    return fits(search.try_fit(best.hypothesis, best.u, best))
+    return fits(*store.in_earnest([min(rough, key=store.score)]))
 
 
 def _fitting(
-    search: Search, fit: Fit, swaps: dict[Cause, Fit], known: Container[Cause]
+    store: Store, fit: Fit, swaps: dict[Cause, Fit], known: Container[Cause]
 ) -> dict[Cause, tuple[float, Fit]]:
     """Of effects in another one's place those that fit as well, and open no gap: what the likelihood gains without
     each, and its fit.
@@ -101,19 +105,19 @@ def _fitting(
     forms of a machine that is described no better differ by as much.
     """
     found: dict[Cause, tuple[float, Fit]] = {}
-    if not search.closed(fit):
-        own = Judged.of(search.problem, fit)
+    if not store.closed(fit):
+        own = Judged.of(store.problem, fit)
         for cause, swapped in swaps.items():
-            gain, _ = compared(search.problem, fit, swapped)
+            gain, _ = compared(store.problem, fit, swapped)
             # More parameters always leave a little less.
-            plain = len(swapped.u) <= len(fit.u) and search.named(swapped)
-            if plain and Judged.of(search.problem, swapped).gap <= AS_MUCH * own.gap:
+            plain = len(swapped.u) <= len(fit.u) and store.named(swapped)
+            if plain and Judged.of(store.problem, swapped).gap <= AS_MUCH * own.gap:
                 found[cause] = gain, swapped
         return found
     for cause, swapped in swaps.items():
-        (gain, t), taken = compared(search.problem, fit, swapped), search.takes_off(fit, swapped)
-        told = distinguishable(gain, t, taken, search.problem.block_count, MINOR_SHARE if cause in known else 0.0)
-        if not told and search.named(swapped) and not opens_gap(search.gap(swapped), search.gap(fit)):
+        (gain, t), taken = compared(store.problem, fit, swapped), store.takes_off(fit, swapped)
+        told = distinguishable(gain, t, taken, store.problem.block_count, MINOR_SHARE if cause in known else 0.0)
+        if not told and store.named(swapped) and not opens_gap(store.gap(swapped), store.gap(fit)):
             found[cause] = gain, swapped
     return found
 
@@ -122,31 +126,36 @@ def _further(search: Search, one: Cause, without: Fit, like: Iterable[Cause]) ->
     """What look-alikes of an effect are confused with, as far as it could be in its place, and where a fit of it
     begins.
     """
-    wanted = {search.in_place(other, cause) for cause in like for other in search.effects[cause[0]].confused_with}
-    if not wanted or search.exhausted():
+    store = search.store
+    wanted = {
+        renaming.in_place(store, other, cause) for cause in like for other in store.effects[cause[0]].confused_with
+    }
+    if not wanted or search.limits.exhausted():
         return {}
     # What holds the effect is the same with a further parameter, for no better fit.
     return {
         c.cause: c
-        for c in search.rivals(without, one, len(search.effects))
-        if c.cause in wanted and one[0] not in search.effects[c.cause[0]].contains
+        for c in exchanging.rivals(store, search.screening.screens(store, without), one, len(store.effects))
+        if c.cause in wanted and one[0] not in store.effects[c.cause[0]].contains
     }
 
 
 def swaps_of(search: Search, fit: Fit, one: Cause, without: Fit) -> dict[Cause, Fit]:
     """What might be there in an effect's place, each with the fit that has it there: its namesakes, what a screening
     without it promises, and what the search met."""
-    swaps = search.namesakes(fit, one)
+    store = search.store
+    swaps = renaming.namesakes(store, fit, one)
 
     def other(cause: Cause) -> bool:
         # What holds the effect is the same with a further parameter, for no better fit.
-        return cause not in swaps and one[0] not in search.effects[cause[0]].contains
+        return cause not in swaps and one[0] not in store.effects[cause[0]].contains
 
-    for candidate in search.rivals(without, one, LARGEST_SET) if not search.exhausted() else ():
-        if other(candidate.cause):
-            swaps[candidate.cause] = search.swapped(fit, without, candidate)
+    if not search.limits.exhausted():
+        for rival in exchanging.rivals(store, search.screening.screens(store, without), one, LARGEST_SET):
+            if other(rival.cause):
+                swaps[rival.cause] = exchanging.swapped(store, fit, without, rival)
     remaining = set(fit.hypothesis) - {one}
-    for hypothesis, met in search.fits.items():
+    for hypothesis, met in store.fits.items():
         if len(hypothesis) == len(fit.hypothesis) and remaining <= set(hypothesis) and hypothesis != fit.hypothesis:
             (cause,) = set(hypothesis) - remaining
             if other(cause):

@@ -15,6 +15,7 @@ import numpy as np
 
 from rtds_host.diagnosis.effects import Effect
 from rtds_host.diagnosis.fit import Fit, Fitter, Hypothesis, apply, prior_weight, scaled
+from rtds_host.diagnosis.indistinguishable import indistinguishable
 from rtds_host.diagnosis.likelihood import Likelihood
 from rtds_host.diagnosis.problem import Problem
 
@@ -359,3 +360,12 @@ def clashes(cause: tuple[str, str], hypothesis: Hypothesis) -> bool:
     effect, side = cause
     mine = [s for e, s in hypothesis if e == effect]
     return bool(mine) and ("both" in mine or side == "both" or side in mine)
+
+
+def doubles(problem: Problem, cause: tuple[str, str], hypothesis: Hypothesis) -> bool:
+    """Whether an explanation holds this effect already, be it of another size, or one that these runs could as well be
+    blamed on.
+    """
+    if clashes(cause, hypothesis) and not splits(cause, hypothesis):
+        return True
+    return any(equal in hypothesis for equal in indistinguishable(problem.case, cause))

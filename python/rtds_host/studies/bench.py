@@ -38,12 +38,12 @@ METHODS = ("this program", "BIC over candidates", "largest improvement of fit")
 def _bic(found: Investigation) -> Hypothesis:
     """Candidate (none, one or several effects) of the lowest Bayesian information criterion, of white residuals."""
     size = math.log(found.problem.size)
-    return min(found.search.fits.values(), key=lambda f: _chi2(f) + len(f.u) * size).hypothesis
+    return min(found.search.store.fits.values(), key=lambda f: _chi2(f) + len(f.u) * size).hypothesis
 
 
 def _largest(found: Investigation) -> Hypothesis:
     """Single effect that lowers chi2 the most."""
-    singles = [f for f in found.search.fits.values() if len(f.hypothesis) == 1]
+    singles = [f for f in found.search.store.fits.values() if len(f.hypothesis) == 1]
     return min(singles, key=_chi2).hypothesis if singles else ()
 
 

@@ -25,7 +25,7 @@ from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import Model, ReplayBatch, nominal_model, replay_run
 from rtds_host.diagnosis.report.drift import drift
 from rtds_host.diagnosis.scatter import over_runs
-from rtds_host.diagnosis.search import Search
+from rtds_host.diagnosis.search.driver import Search
 from rtds_host.diagnosis.start import DECLARED
 from rtds_host.errors import InputError
 from rtds_host.plant import forms as plant
@@ -425,11 +425,11 @@ def test_a_form_of_the_same_size_in_all_runs_has_no_drawing_over_them():
 def test_what_gave_way_is_no_longer_named_and_the_gap_is_without_it():
     search = Search(Problem(make_case(lambda model: model.add("coulomb", 0.05)), 1), True)
     nothing, cause = search.begin(), ("coulomb_friction", "both")
-    start = np.array([search.effects[cause[0]].parameters[0].scaled(0.05)])
-    named = search.try_fit((cause,), start, nothing)
+    start = np.array([search.store.effects[cause[0]].parameters[0].scaled(0.05)])
+    named = search.store.try_fit((cause,), start, nothing)
     before = Account(named, nothing, (), {}, (), (((cause,), 1.0),))
     found = Investigation(search.problem, search, before)
     weighed, held, shapes = without_given_way(found, before, Forms(gave_way=(cause,)))
     assert weighed.standing == () and "gives way" in weighed.dropped[cause]
-    assert held.gap("after") == held.gap("refit") > 1.5 * search.gap(named)
+    assert held.gap("after") == held.gap("refit") > 1.5 * search.store.gap(named)
     assert shapes.gave_way == (cause,)

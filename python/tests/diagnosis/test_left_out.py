@@ -16,7 +16,7 @@ from rtds_host.diagnosis.fit import Fit, joined, scaled
 from rtds_host.diagnosis.left_out import left_out_gap, parted
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run
-from rtds_host.diagnosis.search import Search
+from rtds_host.diagnosis.search.driver import Search
 
 COULOMB = ("coulomb_friction", "both")
 
@@ -25,9 +25,10 @@ def fitted(case: Case, parts: dict[tuple[str, str], dict[str, float]]) -> tuple[
     """An explanation of a case, fitted from the values given by effect."""
     search = Search(Problem(case, 1))
     noise = search.problem.white()
-    search.fits[()] = search.fitter.fit((), np.empty(0), np.zeros(search.fitter.count), noise)
-    hypothesis, start = joined({cause: scaled(search.effects, (cause,), [values]) for cause, values in parts.items()})
-    return search, search.try_fit(hypothesis, start, search.fits[()])
+    store = search.store
+    store.fits[()] = store.fitter.fit((), np.empty(0), np.zeros(store.fitter.count), noise)
+    hypothesis, start = joined({cause: scaled(store.effects, (cause,), [values]) for cause, values in parts.items()})
+    return search, store.try_fit(hypothesis, start, store.fits[()])
 
 
 def with_frictions(*frictions: float) -> Case:
@@ -143,7 +144,7 @@ def test_samples_that_are_held_show_no_noise():
 def test_plain_squares_find_another_optimum_of_an_explanation_than_the_likelihood():
     """Two runs say one friction and a third another one: the likelihood lets the third go, plain squares do not."""
     search, fit = fitted(with_frictions(0.02, 0.02, 0.035), {COULOMB: {"torque_nm": 0.02}})
-    optima = search.optima([fit])[0]
+    optima = search.store.optima([fit])[0]
     plain = next(one for one in optima if one.noise.root is None)
     assert optima[0] is fit
     assert [one.hypothesis for one in optima] == [fit.hypothesis] * len(optima)

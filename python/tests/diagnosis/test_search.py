@@ -9,13 +9,11 @@ from diagnosis_cases import changed, make_case, make_run, without
 
 from rtds_host.contract import Case, builtin_robot
 from rtds_host.diagnosis import ripple
-from rtds_host.diagnosis import search as search_module
 from rtds_host.diagnosis.account import account
 from rtds_host.diagnosis.diagnose import chosen_search, diagnose, said_of_end
 from rtds_host.diagnosis.effects import catalogue
 from rtds_host.diagnosis.evidence import CONVINCING, distinguishable, excess
-from rtds_host.diagnosis.explanations import FAR
-from rtds_host.diagnosis.fit import AT_ONCE, joined, scaled, side_by_side, to_values
+from rtds_host.diagnosis.fit import AT_ONCE, Fit, Proposal, joined, scaled, side_by_side, to_values
 from rtds_host.diagnosis.indistinguishable import indistinguishable, nearly_indistinguishable
 from rtds_host.diagnosis.intervals import Z90, bias, command_shift, intervals, sigmas_of
 from rtds_host.diagnosis.lookalikes import lookalikes, opens_gap, swaps_of
@@ -23,7 +21,10 @@ from rtds_host.diagnosis.problem import SEARCHED_S, Problem
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.scatter import scatter, scattered
 from rtds_host.diagnosis.screen import Screen, changes_by_missing, sensitivities_of
-from rtds_host.diagnosis.search import Search
+from rtds_host.diagnosis.search import driver
+from rtds_host.diagnosis.search.driver import Search
+from rtds_host.diagnosis.search.moves import exchanging, polishing, removing, renaming
+from rtds_host.diagnosis.search.store import FAR
 from rtds_host.diagnosis.start import DECLARED
 from rtds_host.plant.schema import OUTPUT_INDEX
 
@@ -271,11 +272,17 @@ def fitted(case: Case, *causes: tuple[tuple[str, str], dict[str, float]]):
     """A search of a case, and the fit of some effects from given sizes."""
     problem = Problem(case, 1)
     search = Search(problem, quick=True)
-    search.fits[()] = search.fitter.fit((), np.empty(0), np.zeros(search.fitter.count), problem.white())
+    store = search.store
+    store.fits[()] = store.fitter.fit((), np.empty(0), np.zeros(store.fitter.count), problem.white())
     hypothesis = tuple(cause for cause, _ in causes)
-    return search, search.try_fit(
-        hypothesis, scaled(search.effects, hypothesis, [values for _, values in causes]), search.fits[()]
-    )
+    start = scaled(store.effects, hypothesis, [values for _, values in causes])
+    return search, store.try_fit(hypothesis, start, store.fits[()])
+
+
+def screened(search: Search, fit: Fit) -> list[Screen]:
+    """The screenings of a fit, which the search's next ones begin with."""
+    screens, search.screening = search.screening.renewed(search.store, fit)
+    return screens
 
 
 def test_the_lag_of_the_speeds_may_be_one_of_all_that_is_measured_in_part():
@@ -284,8 +291,8 @@ def test_the_lag_of_the_speeds_may_be_one_of_all_that_is_measured_in_part():
         (("speed_filter", "both"), {"time_constant_s": 0.04, "delay_s": 0.0}),
     )
     lag, delay = ("speed_filter", "both"), ("measurement_delay", "both")
-    ((hypothesis, u, _),) = search.halved(fit, lag)
-    values = dict(zip(hypothesis, to_values(search.effects, hypothesis, u)))
+    ((hypothesis, u, _),) = renaming.halved(search.store, fit, lag)
+    values = dict(zip(hypothesis, to_values(search.store.effects, hypothesis, u)))
     assert values[lag]["time_constant_s"] == pytest.approx(0.02, rel=0.05) and values[delay][
         "seconds"
     ] == pytest.approx(0.02, rel=0.05)
@@ -298,11 +305,11 @@ def test_a_delay_under_the_other_delays_name_is_renamed():
     search, fit = fitted(
         make_case(lambda m: m.put("command_delay", 0.0083)), (("measurement_delay", "both"), {"seconds": 0.0083})
     )
-    assert search.renamed(fit).hypothesis == (("command_delay", "both"),)
+    assert renaming.renamed(search.store, fit).hypothesis == (("command_delay", "both"),)
     search, fit = fitted(
         make_case(lambda m: m.put("command_delay", 0.0083)), (("command_delay", "both"), {"seconds": 0.0083})
     )
-    assert search.renamed(fit) is fit
+    assert renaming.renamed(search.store, fit) is fit
 
 
 def soft_tyre(model):
@@ -319,8 +326,8 @@ def test_a_soft_tyre_is_found_under_a_soft_gear():
     the rest.
     """
     search, fit = fitted(make_case(soft_tyre), (GEAR, {"stiffness_nm_per_rad": 16.5, "damping_nm_s_per_rad": 0.054}))
-    found = search.namesakes(fit, GEAR)[SLIP]
-    assert search.score(found) < search.score(fit) - 2.0 * np.log(CONVINCING)
+    found = renaming.namesakes(search.store, fit, GEAR)[SLIP]
+    assert search.store.score(found) < search.store.score(fit) - 2.0 * np.log(CONVINCING)
     assert found.values[0]["slip_per_newton"] == pytest.approx(0.005, rel=0.1)
     assert found.values[0]["softness_m_per_n"] == pytest.approx(6.6e-5, rel=0.05)
 
@@ -334,8 +341,8 @@ def test_a_soft_gear_is_found_under_a_soft_tyre():
         make_case(soft_gear),
         (SLIP, {"slip_per_newton": 0.005, "softness_m_per_n": 1.5e-4, "damping_n_s_per_m": 7.0, "grip": 4.0}),
     )
-    found = search.namesakes(fit, SLIP)[GEAR]
-    assert search.score(found) < search.score(fit)
+    found = renaming.namesakes(search.store, fit, SLIP)[GEAR]
+    assert search.store.score(found) < search.store.score(fit)
     assert found.values[0]["stiffness_nm_per_rad"] == pytest.approx(7.4, rel=0.02)
 
 
@@ -346,7 +353,7 @@ def test_two_springs_in_a_row_become_one_where_one_does():
         (GEAR, {"stiffness_nm_per_rad": 33.0, "damping_nm_s_per_rad": 0.1}),
         (SLIP, {"slip_per_newton": 0.005, "softness_m_per_n": 3.3e-5, "damping_n_s_per_m": 100.0, "grip": 20.0}),
     )
-    assert search.prune(fit).hypothesis == (SLIP,)
+    assert removing.pruned(search.store, fit).hypothesis == (SLIP,)
 
 
 def test_a_part_of_a_slip_is_promised_where_all_of_it_would_be_too_much():
@@ -358,9 +365,10 @@ def test_a_part_of_a_slip_is_promised_where_all_of_it_would_be_too_much():
         model.put("slip_relaxation", 0.0013, (0,))
 
     search, fit = fitted(make_case(slippery))
-    size, screened = search.effects["longitudinal_slip"].parameters[0], search.screened(fit)
-    assert {dict(s.values)["slip_per_newton"] for s in search.sensitivities if s.effect == SLIP[0]} == {size.starts[1]}
-    for screen in screened:
+    size, screens = search.store.effects["longitudinal_slip"].parameters[0], screened(search, fit)
+    looked_at = search.screening.last.sensitivities
+    assert {dict(s.values)["slip_per_newton"] for s in looked_at if s.effect == SLIP[0]} == {size.starts[1]}
+    for screen in screens:
         slip = next(c for c in screen.candidates() if c.cause == SLIP)
         assert slip.gain > 0.0
         assert 0.3 * size.starts[1] < size.value(slip.start[0]) < 0.8 * size.starts[1]
@@ -376,8 +384,8 @@ def test_one_delay_that_is_two_is_distinguished():
         model.put("measurement_delay", 0.03)
 
     search, fit = fitted(make_case(late), (("measurement_delay", "both"), {"seconds": 0.05}))
-    search.screened(fit)
-    found = search.exchange(fit, 2)
+    screened(search, fit)
+    found = exchanging.exchanged(search.store, search.screening, fit, 2)
     assert found.hypothesis == (("command_delay", "both"), ("measurement_delay", "both"))
     assert [values["seconds"] for values in found.values] == pytest.approx([0.02, 0.03], abs=0.002)
 
@@ -391,7 +399,7 @@ def test_free_play_is_found_from_the_wrong_valley(start):
         make_case(lambda m: m.put("backlash", 0.01, (0,))),
         (("backlash", "left"), {"angle_rad": start, "restitution": 0.0}),
     )
-    found = search.polished(fit, fit.hypothesis)
+    found = polishing.polished(search.store, fit, fit.hypothesis)
     assert found.values[0]["angle_rad"] == pytest.approx(0.01, rel=0.05)
 
 
@@ -407,9 +415,9 @@ def test_two_effects_are_exchanged_for_two_others_at_once():
     search, fit = fitted(
         make_case(weak), (("current_gain", "both"), {"ratio": 1.12}), (("driver_gain", "both"), {"ratio": 1.1})
     )
-    search.screened(fit)
-    assert search.exchange(fit, 4).hypothesis == fit.hypothesis
-    found = search.exchange_pairs(fit)
+    screened(search, fit)
+    assert exchanging.exchanged(search.store, search.screening, fit, 4).hypothesis == fit.hypothesis
+    found = exchanging.pairs_exchanged(search.store, search.screening, fit)
     assert found.hypothesis == (("resistance_error", "both"), ("torque_constant_error", "both"))
     assert [values["ratio"] for values in found.values] == pytest.approx([0.8, 0.92], rel=0.03)
 
@@ -424,8 +432,8 @@ def test_a_ratio_takes_over_what_its_sides_have_of_its_tolerance_in_common():
     mine = [k for k, nuisance in enumerate(search.problem.nuisances) if nuisance.name == "resistance"]
     leaning = fit.z.copy()
     leaning[mine] -= 3.0
-    start = scaled(search.effects, fit.hypothesis, [{"ratio": fit.values[0]["ratio"] * np.exp(0.03)}])
-    found = search.fitter.fit(fit.hypothesis, start, leaning, fit.noise)
+    start = scaled(search.store.effects, fit.hypothesis, [{"ratio": fit.values[0]["ratio"] * np.exp(0.03)}])
+    found = search.store.fitter.fit(fit.hypothesis, start, leaning, fit.noise)
     assert len(mine) == 2 and np.all(np.abs(found.z[mine]) < 1.0)
     assert found.values[0]["ratio"] == pytest.approx(0.8, rel=0.01)
     assert found.cost == pytest.approx(fit.cost, abs=0.5)
@@ -435,12 +443,14 @@ def test_an_explanation_begun_twice_alike_is_fitted_once():
     search, fit = fitted(
         make_case(lambda m: m.put("command_delay", 0.0083)), (("command_delay", "both"), {"seconds": 0.0083})
     )
-    begun, fitting = [], search.fitter.fitting
-    search.fitter.fitting = lambda *given, **named: begun.append(given) or fitting(*given, **named)
-    start, other = (scaled(search.effects, fit.hypothesis, [{"seconds": seconds}]) for seconds in (0.0083, 0.0084))
-    assert search.try_fit(fit.hypothesis, start, search.fits[()]) is fit
+    begun, fitting = [], search.store.fitter.fitting
+    search.store.fitter.fitting = lambda *given, **named: begun.append(given) or fitting(*given, **named)
+    start, other = (
+        scaled(search.store.effects, fit.hypothesis, [{"seconds": seconds}]) for seconds in (0.0083, 0.0084)
+    )
+    assert search.store.try_fit(fit.hypothesis, start, search.store.fits[()]) is fit
     assert not begun
-    search.try_fits([(fit.hypothesis, other, search.fits[()])] * 2)
+    search.store.try_fits([Proposal(fit.hypothesis, other, search.store.fits[()])] * 2)
     assert len(begun) == 1
 
 
@@ -457,15 +467,15 @@ def test_fits_go_side_by_side_as_they_go_alone():
     ]
     search, none = fitted(make_case(lambda m: m.scale("resistance", 1.1)))
     starts = [
-        ((cause,), u, none)
+        Proposal((cause,), u, none)
         for cause in causes
-        for u in (np.full(len(search.effects[cause[0]].parameters), size) for size in (0.1, 0.2))
+        for u in (np.full(len(search.store.effects[cause[0]].parameters), size) for size in (0.1, 0.2))
     ]
     asked, residuals = [], search.problem.residuals
     search.problem.residuals = lambda *given: asked.append(given) or residuals(*given)
 
     def works():
-        first, *others = (search.fitting_to(*start, True) for start in starts)
+        first, *others = (search.store.fitter.fitting_to(start, True) for start in starts)
         return [first, (nothing for nothing in ()), *others]
 
     alone = [side_by_side(search.problem, [work])[0] for work in works()]
@@ -489,10 +499,10 @@ def test_a_rough_fit_keeps_the_derivatives_of_what_stays_as_it_is():
     search, fit = fitted(
         make_case(lambda m: m.scale("voltage_gain", 0.9)), (friction, {"torque_nm": 0.001}), (gain, {"ratio": 0.9})
     )
-    kept, fitting = [], search.fitter.fitting
-    search.fitter.fitting = lambda *given, **named: kept.append(set(given[5])) or fitting(*given, **named)
-    for parts in (fit.parts, {**fit.parts, gain: scaled(search.effects, (gain,), [{"ratio": 0.7}])}):
-        search.try_fit(*joined(parts), fit, rough=True)
+    kept, fitting = [], search.store.fitter.fitting
+    search.store.fitter.fitting = lambda *given, **named: kept.append(set(given[5])) or fitting(*given, **named)
+    for parts in (fit.parts, {**fit.parts, gain: scaled(search.store.effects, (gain,), [{"ratio": 0.7}])}):
+        search.store.try_fit(*joined(parts), fit, rough=True)
     assert kept == [{friction, gain}, {friction}]
 
 
@@ -503,13 +513,13 @@ def test_a_restart_that_is_far_behind_in_a_rough_fit_is_left(monkeypatch, behind
         make_case(lambda m: m.scale("resistance", 1.1)),
         (cause, {"slip_per_newton": 0.05, "softness_m_per_n": 0.0005, "damping_n_s_per_m": 2.4, "grip": 0.9}),
     )
-    monkeypatch.setattr(search, "closed", lambda fit: False)
-    monkeypatch.setattr(search, "reached", lambda starts, rough: [search.score(fit) + FAR + behind])
-    monkeypatch.setattr(search, "lower_kept", lambda fit, cause: [])
-    tried = []
-    monkeypatch.setattr(search, "try_fit", lambda *start: tried.append(start) or fit)
-    search.polished(fit, [cause])
-    assert len(tried) == (len(search.effects[cause[0]].restarts) if earnest else 0)
+    store, tried = search.store, []
+    monkeypatch.setattr(store, "closed", lambda fit: False)
+    monkeypatch.setattr(store, "reached", lambda proposals, rough: [store.score(fit) + FAR + behind])
+    monkeypatch.setattr(polishing, "lower", lambda store, fit, cause: [])
+    monkeypatch.setattr(store, "try_fits", lambda proposals: [tried.append(one) or fit for one in proposals])
+    polishing.polished(search.store, fit, [cause])
+    assert len(tried) == (len(search.store.effects[cause[0]].restarts) if earnest else 0)
 
 
 def test_what_is_no_larger_than_its_noise_leaves_nothing_without_a_name():
@@ -520,7 +530,7 @@ def test_what_is_no_larger_than_its_noise_leaves_nothing_without_a_name():
         make_case(lambda m: m.put("command_delay", 0.0083)), (("command_delay", "both"), {"seconds": 0.0083})
     )
     assert excess(search.problem, fit) < 0.02 * search.problem.size
-    assert excess(search.problem, search.fits[()]) > 0.2 * search.problem.size
+    assert excess(search.problem, search.store.fits[()]) > 0.2 * search.problem.size
 
 
 def late_in(runs: tuple[int, ...], case: Case, seconds: float = 0.03) -> Case:
@@ -585,8 +595,8 @@ def test_what_is_missing_biases_a_size_by_about_as_much_as_is_said(unmodelled):
         model.add("coulomb", unmodelled)
 
     search, fit = fitted(make_case(rubs, seconds=20.0), viscous)
-    changes = changes_by_missing(sensitivities_of(search.fitter, fit, {}, {"coulomb_friction"}, {}), fit)
-    off = float((fit.u - scaled(search.effects, (viscous[0],), [{"nm_s_per_rad": 0.01}]))[0])
+    changes = changes_by_missing(sensitivities_of(search.store.fitter, fit, {}, {"coulomb_friction"}, {}), fit)
+    off = float((fit.u - scaled(search.store.effects, (viscous[0],), [{"nm_s_per_rad": 0.01}]))[0])
     assert off > 3.0 * sigmas_of(search.problem, fit)[0]
     assert off / 3.0 < bias(fit, changes)[-1] < 3.0 * off
 
@@ -594,7 +604,7 @@ def test_what_is_missing_biases_a_size_by_about_as_much_as_is_said(unmodelled):
 def test_nothing_missing_biases_nothing():
     viscous = ("viscous_friction", "both"), {"nm_s_per_rad": 0.01}
     search, fit = fitted(make_case(lambda m: m.add("viscous_wheel", 0.01), seconds=20.0), viscous)
-    changes = changes_by_missing(sensitivities_of(search.fitter, fit, {}, {"coulomb_friction"}, {}), fit)
+    changes = changes_by_missing(sensitivities_of(search.store.fitter, fit, {}, {"coulomb_friction"}, {}), fit)
     assert bias(fit, changes)[-1] < sigmas_of(search.problem, fit)[0]
     assert not bias(fit, []).any()
 
@@ -607,8 +617,8 @@ def test_a_search_with_one_run_aligned_counts_only_if_it_leaves_less(monkeypatch
     gaps_found, states = iter((3.0, 5.0)), []
 
     def scripted(searches, start):
-        states.append([(one.fitter.start, one.fits) for one in searches])
-        return searches[0], SimpleNamespace(fit=searches[0].fits[()], gap=next(gaps_found))
+        states.append([(one.store.fitter.start, one.store.fits) for one in searches])
+        return searches[0], SimpleNamespace(fit=searches[0].store.fits[()], gap=next(gaps_found))
 
     def aligned(problem, model):
         return model.start.with_lates({"r1": 0.1})
@@ -617,7 +627,7 @@ def test_a_search_with_one_run_aligned_counts_only_if_it_leaves_less(monkeypatch
     monkeypatch.setattr(Problem, "aligned_commands", aligned)
     owner, taken = chosen_search(case, search, best, 1, frozenset())
     assert [dict(start.lates) for start, _ in states[1]] == [{"r1": 0.1}] * 2
-    assert taken is best and (owner.fitter.start, owner.fits) == states[0][0]
+    assert taken is best and (owner.store.fitter.start, owner.store.fits) == states[0][0]
 
 
 def test_a_gyro_that_is_upside_down_has_no_lookalike_of_a_negative_width():
@@ -625,9 +635,9 @@ def test_a_gyro_that_is_upside_down_has_no_lookalike_of_a_negative_width():
     case = without(make_case(lambda m: m.scale("gyro_gain", -1.0)), *POSE)
     upside, slower = (("gyro_gain", "both"), {"ratio": -1.0}), (("gyro_gain", "both"), {"ratio": 0.8})
     search, fit = fitted(case, upside)
-    assert lookalikes(search, fit, [(upside[0], search.fits[()])])[0] == ()
+    assert lookalikes(search, fit, [(upside[0], search.store.fits[()])])[0] == ()
     search, fit = fitted(without(make_case(lambda m: m.scale("gyro_gain", 0.8)), *POSE), slower)
-    ((first, *others),) = lookalikes(search, fit, [(slower[0], search.fits[()])])[0]
+    ((first, *others),) = lookalikes(search, fit, [(slower[0], search.store.fits[()])])[0]
     assert first == slower[0] and ("track_width_error", "both") in others
 
 
@@ -636,8 +646,8 @@ def test_of_a_base_in_speed_mode_counts_and_radius_are_each_tried_at_the_inverse
     """Twice the counts halve the way of a base whose loop holds the speed that it counts; no slope leads from one to
     the other."""
     search, fit = fitted(make_case(), (("wheel_radius_error", "both"), {"ratio": ratio}))
-    start = search.likened(fit, ("wheel_radius_error", "both"))["speed_gain", "both"]
-    ((value,),) = [v.values() for v in to_values(search.effects, (("speed_gain", "both"),), start)]
+    start = renaming.likened(search.store, fit, ("wheel_radius_error", "both"))["speed_gain", "both"]
+    ((value,),) = [v.values() for v in to_values(search.store.effects, (("speed_gain", "both"),), start)]
     assert value == pytest.approx(1.0 / fit.values[0]["ratio"])
 
 
@@ -647,7 +657,7 @@ def test_the_other_delay_is_tried_in_a_delay_s_place_at_its_size():
     """
     delay, other = ("command_delay", "both"), ("measurement_delay", "both")
     search, fit = fitted(make_case(lambda m: m.put("command_delay", 0.0083)), (delay, {"seconds": 0.0083}))
-    swapped = swaps_of(search, fit, delay, search.without(fit, delay)[0])[other]
+    swapped = swaps_of(search, fit, delay, removing.without(search.store, fit, delay)[0])[other]
     assert swapped.hypothesis == (other,) and swapped.values[0]["seconds"] == pytest.approx(0.0083, rel=0.1)
 
 
@@ -657,9 +667,9 @@ def test_what_the_search_met_is_weighed_in_an_effects_place():
     search, fit = fitted(
         make_case(lambda m: m.scale("voltage_gain", 0.95)), (gain, {"ratio": 0.95}), (beside, {"torque_nm": 0.001})
     )
-    (alone,) = search.without(fit, gain)
+    (alone,) = removing.without(search.store, fit, gain)
     assert other not in swaps_of(search, fit, gain, alone)
-    met = search.try_fit(*joined({other: np.zeros(1), beside: fit.parts[beside]}), fit, rough=True)
+    met = search.store.try_fit(*joined({other: np.zeros(1), beside: fit.parts[beside]}), fit, rough=True)
     assert swaps_of(search, fit, gain, alone)[other] is met
 
 
@@ -671,14 +681,17 @@ def test_the_next_effect_is_one_that_every_run_asks_for():
     logs = tuple(make_run(f"steps-{k}", model, robot, "steps", 8.0, k) for k in range(4))
     gain, delay = ("gyro_gain", "both"), ("command_delay", "both")
     search, wanted = fitted(late_in((1,), Case("example", robot, logs), 0.01), (gain, {"ratio": 0.8}))
-    nothing = search.fits[()]
-    search.fits = {
+    nothing = search.store.fits[()]
+    search.store.fits = {
         f.hypothesis: f
-        for f in (nothing, search.try_fit((delay,), scaled(search.effects, (delay,), [{"seconds": 0.003}]), nothing))
+        for f in (
+            nothing,
+            search.store.try_fit((delay,), scaled(search.store.effects, (delay,), [{"seconds": 0.003}]), nothing),
+        )
     }
-    assert search.next_step(nothing, search.gap(nothing)) is None
-    search.fits[wanted.hypothesis] = wanted
-    assert search.next_step(nothing, search.gap(nothing)).hypothesis == (gain,)
+    assert search.next_step(nothing, search.store.gap(nothing)) is None
+    search.store.fits[wanted.hypothesis] = wanted
+    assert search.next_step(nothing, search.store.gap(nothing)).hypothesis == (gain,)
 
 
 @pytest.mark.parametrize(
@@ -689,7 +702,7 @@ def test_a_size_is_known_no_better_than_two_ways_to_weigh_the_residual_agree(res
     search, fit = fitted(
         make_case(lambda m: (m.scale("gyro_gain", 0.95), m.add("slope_extra", rest))), (gain, {"ratio": 0.95})
     )
-    fit = search.fitter.fit(fit.hypothesis, fit.u, fit.z, fit.noise.estimated(fit.residual))
+    fit = search.store.fitter.fit(fit.hypothesis, fit.u, fit.z, fit.noise.estimated(fit.residual))
     shift, own = abs(command_shift(fit)[-1]), np.sqrt(fit.covariance[-1, -1])
     assert least * own <= shift <= most * own
     assert sigmas_of(search.problem, fit)[-1] >= np.hypot(shift, own)
@@ -708,8 +721,9 @@ def test_signatures_that_are_one_and_large_promise_no_pair():
     robot = replace(case.robot, sensors={name: 1e-5 * value for name, value in case.robot.sensors.items()})
     problem = Problem(replace(case, robot=robot), 1)
     search = Search(problem, quick=True)
-    fit = search.fits[()] = search.fitter.fit((), np.empty(0), np.zeros(search.fitter.count), problem.white(), 0)
-    sensitivities = sensitivities_of(search.fitter, fit, {}, {"driver_gain"}, {})
+    fitter = search.store.fitter
+    fit = search.store.fits[()] = fitter.fit((), np.empty(0), np.zeros(fitter.count), problem.white(), 0)
+    sensitivities = sensitivities_of(fitter, fit, {}, {"driver_gain"}, {})
     one = next(iter(sensitivities))
     equal = replace(one, effect="speed_gain", values=one.values)
     screen = Screen(problem, fit, {one: sensitivities[one], equal: 2.0 * sensitivities[one]}, problem.white())
@@ -726,7 +740,7 @@ def test_an_effect_of_both_sides_is_parted_where_they_differ():
     """One gain for both leaves half of what they differ by on each side; the screening proposes a gain of its own for
     one, from that of both, and with the other's kept."""
     search, fit = fitted(make_case(uneven), (("driver_gain", "both"), {"ratio": 0.72}))
-    extended = search.extend(fit, 5)
+    extended = search.extend(fit)
     assert extended.hypothesis == (("driver_gain", "left"), ("driver_gain", "right"))
     assert [values["ratio"] for values in extended.values] == pytest.approx([0.8, 0.64], rel=0.02)
 
@@ -735,10 +749,10 @@ def test_what_one_side_has_next_to_an_effect_of_both_may_be_that_effect_of_anoth
     """Whatever stands on the right next to a gain of both: without it, each side has a gain of its own, roughly
     fitted. What stands on both may not."""
     search, alone = fitted(make_case(uneven), (("driver_gain", "both"), {"ratio": 0.8}))
-    (found,) = search.try_fits(search.parted_sides(alone, ("pwm_curve", "right")), rough=True)
+    (found,) = search.store.try_fits(renaming.parted_sides(search.store, alone, ("pwm_curve", "right")), rough=True)
     assert found.hypothesis == (("driver_gain", "left"), ("driver_gain", "right"))
     assert [values["ratio"] for values in found.values] == pytest.approx([0.8, 0.64], rel=0.05)
-    assert search.parted_sides(alone, ("pwm_curve", "both")) == []
+    assert renaming.parted_sides(search.store, alone, ("pwm_curve", "both")) == []
 
 
 @pytest.mark.parametrize(("delay_s", "named"), [(0.0, True), (0.05, True), (0.1, False)])
@@ -746,7 +760,7 @@ def test_a_parameter_that_shapes_an_effect_lies_at_no_bound_either_but_where_it_
     """A filter whose delay is as long as is looked at is a delay of all samples."""
     filtered = ("speed_filter", "both"), {"time_constant_s": 0.4, "delay_s": delay_s}
     search, fit = fitted(make_case(), filtered)
-    assert search.named(replace(fit, u=scaled(search.effects, (filtered[0],), [filtered[1]]))) is named
+    assert search.store.named(replace(fit, u=scaled(search.store.effects, (filtered[0],), [filtered[1]]))) is named
 
 
 def test_no_dead_zone_exceeds_the_largest_command():
@@ -822,11 +836,11 @@ def test_a_search_ends_with_what_its_work_has_found(monkeypatch, share):
     )
     whole = Search(Problem(several), quick=True)
     found = whole.run()
-    assert not whole.ended and len(found.hypothesis) == 4
-    monkeypatch.setattr(search_module, "QUICK_WORK", share * whole.problem.work)
+    assert not whole.limits.ended and len(found.hypothesis) == 4
+    monkeypatch.setattr(driver, "QUICK_WORK", share * whole.problem.work)
     short = Search(Problem(several), quick=True)
     less = short.run()
-    assert short.ended and short.problem.work < whole.problem.work
+    assert short.limits.ended and short.problem.work < whole.problem.work
     assert set(less.hypothesis) < set(found.hypothesis)
     assert bool(less.hypothesis) == bool(share)
 
@@ -835,23 +849,18 @@ def test_an_account_that_has_done_as_much_again_looks_for_no_look_alike_that_was
     """What is alike in principle is declared all the same; a search that did not end early is said to have, since its
     account did.
     """
-    screened = []
-
-    class Counted(Search):
-        def rivals(self, *args):
-            screened.append(args[1])
-            return super().rivals(*args)
-
+    screened, rivals = [], exchanging.rivals
+    monkeypatch.setattr(exchanging, "rivals", lambda *given: screened.append(given[1]) or rivals(*given))
     late = without(make_case(lambda m: m.put("measurement_delay", 0.05)), *POSE)
     for share, ended in ((1e9, False), (0.5, True)):
-        search = Counted(Problem(late), quick=True)
+        search = Search(Problem(late), quick=True)
         fit = search.run()
         (found,) = fit.hypothesis
-        assert not search.ended
-        monkeypatch.setattr(search, "last_work", share * search.problem.work)
+        assert not search.limits.ended
+        monkeypatch.setattr(search.limits, "account_until", share * search.problem.work)
         screened.clear()
-        alike, _ = lookalikes(search, fit, [(found, search.fits[()])])
-        assert bool(screened) is not ended and search.ended is ended
+        alike, _ = lookalikes(search, fit, [(found, search.store.fits[()])])
+        assert bool(screened) is not ended and search.limits.ended is ended
         assert alike[0] == (found, indistinguishable(late, found)[0])
 
 
@@ -882,13 +891,13 @@ def test_where_runs_began_elsewhere_the_effect_that_led_there_is_weighed_against
     weak = make_case(lambda m: (m.scale("voltage_gain", 0.9, (0,)), m.scale("gyro_gain", 1.1)))
     search = Search(Problem(weak), quick=True)
     gyro, driver = ("gyro_gain", "both"), ("driver_gain", "left")
-    nothing = search.fits[()] = search.refitted()
+    nothing = search.store.fits[()] = search.store.refitted()
     promised = iter([gyro, driver])
     aligned = iter([moved])
 
-    def extend(fit, count):
+    def extend(fit):
         cause = next(promised, None) if fit.hypothesis == () else None
-        return cause and search.try_fit((cause,), scaled(search.effects, (cause,), [{"ratio": 0.95}]), fit)
+        return cause and search.store.try_fit((cause,), scaled(search.store.effects, (cause,), [{"ratio": 0.95}]), fit)
 
     monkeypatch.setattr(search, "extend", extend)
 

@@ -5,7 +5,7 @@ import pytest
 from diagnosis_cases import make_case, without
 
 from rtds_host.diagnosis.problem import Problem
-from rtds_host.diagnosis.search import Search
+from rtds_host.diagnosis.search.store import Store
 from rtds_host.diagnosis.start import DECLARED
 
 STARTS = {
@@ -15,28 +15,28 @@ STARTS = {
 
 
 @pytest.fixture(scope="module")
-def search():
-    return Search(Problem(without(make_case(seconds=2.0), "yaw", "x", "y"), 1), quick=True)
+def store():
+    return Store(Problem(without(make_case(seconds=2.0), "yaw", "x", "y"), 1))
 
 
 @pytest.mark.parametrize("start", STARTS.values(), ids=STARTS)
-def test_a_fit_replays_as_it_was_fitted_whatever_is_estimated_afterwards(search, start):
-    problem, nothing = search.problem, (np.empty(0), np.zeros(search.fitter.count))
-    fit = search.fitter.fit((), *nothing, problem.white(), 1)
+def test_a_fit_replays_as_it_was_fitted_whatever_is_estimated_afterwards(store, start):
+    problem, nothing = store.problem, (np.empty(0), np.zeros(store.fitter.count))
+    fit = store.fitter.fit((), *nothing, problem.white(), 1)
     gap = problem.gap_as_fitted(fit.model(problem))
-    search.fitter.start = start
-    other = search.fitter.fit((), *nothing, problem.white(), 1)
+    store.fitter.start = start
+    other = store.fitter.fit((), *nothing, problem.white(), 1)
     try:
         assert not np.array_equal(problem.residual(other.model(problem)), problem.residual(fit.model(problem)))
         for one in (fit, other):
             assert np.array_equal(problem.residual(one.model(problem)), one.residual)
         assert problem.gap_as_fitted(fit.model(problem)) == gap != problem.gap_as_fitted(other.model(problem))
     finally:
-        search.fitter.start = DECLARED
+        store.fitter.start = DECLARED
 
 
-def test_models_that_begin_differently_are_replayed_together_as_alone(search):
-    problem = search.problem
+def test_models_that_begin_differently_are_replayed_together_as_alone(store):
+    problem = store.problem
     models = [problem.nominal, *(problem.nominal.begun(start) for start in STARTS.values()), problem.nominal]
     together = problem.residuals(models)
     for model, residual in zip(models, together, strict=True):
@@ -44,8 +44,8 @@ def test_models_that_begin_differently_are_replayed_together_as_alone(search):
     assert len({residual.tobytes() for residual in together}) == 3
 
 
-def test_an_estimate_of_a_start_changes_nothing_but_what_it_returns(search):
-    problem = search.problem
+def test_an_estimate_of_a_start_changes_nothing_but_what_it_returns(store):
+    problem = store.problem
     model = problem.nominal.copy()
     model.scale("voltage_gain", 0.9, (1,))
     before = problem.residual(model)

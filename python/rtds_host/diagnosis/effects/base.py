@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -208,6 +208,23 @@ class Effect:
     def sized(self) -> bool:
         """Whether a number, its size, moves its replay along a straight line."""
         return not (self.nonlinear or self.separate or self.periodic)
+
+    def sizes(self, values: Mapping[str, float], factors: Iterable[float]) -> list[dict[str, float]]:
+        """Parameters with its size multiplied by each factor, within its bounds."""
+        p = self.parameters[0]
+        return [{**values, p.name: min(max(factor * values[p.name], p.low), p.high)} for factor in factors]
+
+    def at_its_bound(self, values: Mapping[str, float]) -> bool:
+        """Whether a parameter lies at an end of what was looked at, its absence left out; as logarithms come back.
+
+        The end at which a parameter is absent is none of these.
+        """
+        for p in self.parameters:
+            value = values[p.name]
+            low, high = p.low + WRITTEN * abs(p.low), p.high - WRITTEN * abs(p.high)
+            if value >= high or (value <= low and p.low != p.null):
+                return True
+        return False
 
     def written(self, robot: Robot) -> set[str]:
         """Parameters of the plant (`rtds_host.plant.schema`) that it changes in a nominal robot."""

@@ -7,13 +7,15 @@ used for the fit (`choice`).
 
 from __future__ import annotations
 
-from rtds_host.diagnosis.fit import Fit, joined
+from rtds_host.diagnosis.fit import Fit, Proposal
 from rtds_host.diagnosis.screen import Screen, clashes, sensitivities_of
-from rtds_host.diagnosis.search import Search
+from rtds_host.diagnosis.search.driver import Search
+from rtds_host.diagnosis.search.moves.adding import entered
+from rtds_host.diagnosis.search.screening import promising
 
 # Numerical: explanations that are kept of each number of effects, those that are fitted in earnest, the most effects,
-# and the
-# effects of each screening that are tried on each explanation, of an axis and of a robot, whose sides triple them.
+# and the effects of each screening that are tried on each explanation, of an axis and of a robot, whose sides triple
+# them.
 WIDTH, REFINED, DEPTH = 4, 12, 4
 TRIED = {True: 12, False: 5}
 
@@ -24,48 +26,48 @@ def widened(search: Search) -> dict[int, list[Fit]]:
     Starts come from two screenings: by the likelihood, which compares ratios of what is left, and by plain squares,
     which see what is large.
     """
-    problem = search.problem
+    problem, store = search.problem, search.store
     # Greedy steps have been over whole runs of a robot already, which are longer than those of an axis.
-    if problem.robot.axis is not None or len(search.fits) == 1:
+    if problem.robot.axis is not None or len(store.fits) == 1:
         problem.follow_angles(True)
-        beam = [search.fits[()]]
+        beam = [store.fits[()]]
         for _ in range(DEPTH):
             extended = _extended(search, beam)
-            if not extended or search.score(extended[0]) > min(map(search.score, beam)):
+            if not extended or store.score(extended[0]) > min(map(store.score, beam)):
                 break
             beam = extended
-            if search.spent():
+            if search.limits.spent():
                 break
         problem.follow_angles(False)
     found: dict[int, list[Fit]] = {}
-    for fit in sorted(filter(search.named, search.fits.values()), key=search.score):
+    for fit in sorted(filter(store.named, store.fits.values()), key=store.score):
         mine = found.setdefault(len(fit.hypothesis), [])
         if len(mine) < WIDTH:
             mine.append(fit)
     # Where only noise is left the likelihood is exact.
     for mine in found.values():
-        for optima in search.optima([f for f in mine if f.hypothesis and not search.closed(f)]):
+        for optima in store.optima([f for f in mine if f.hypothesis and not store.closed(f)]):
             mine.extend(optima[1:])
     return found
 
 
 def _extended(search: Search, beam: list[Fit]) -> list[Fit]:
     """The most probable explanations with one effect more than those of the beam, fitted in earnest."""
-    problem, starts = search.problem, []
+    problem, store, proposals = search.problem, search.store, []
     for fit in beam:
-        wanted = {e for e in search.wanted if not search.effects[e].periodic}
-        if search.spent():
+        wanted = {e for e in store.wanted if not store.effects[e].periodic}
+        if search.limits.spent():
             break
-        sensitivities = sensitivities_of(search.fitter, fit, {}, wanted, {}, coarse=search.quick)
+        sensitivities = sensitivities_of(store.fitter, fit, {}, wanted, {}, coarse=search.quick)
         screens = [Screen(problem, fit, sensitivities, noise) for noise in (fit.noise, problem.white())]
         count = TRIED[problem.robot.axis is not None]
-        starts += [
-            (*joined({**fit.parts, one.cause: search.entered(fit, one)}), fit)
-            for one in search.promising(screens, count)
+        proposals += [
+            Proposal.of({**fit.parts, one.cause: entered(store, fit, one)}, fit)
+            for one in promising(store, screens, count)
             if not clashes(one.cause, fit.hypothesis)
         ]
-    rough = {f.hypothesis: f for f in search.try_fits(starts, rough=True)}
-    first = sorted(rough.values(), key=search.score)[:REFINED]
-    fitted = search.try_fits([(f.hypothesis, f.u, f) for f in first])
-    unique = {f.hypothesis: f for f in fitted if search.named(f)}
-    return sorted(unique.values(), key=search.score)[:WIDTH]
+    rough = {f.hypothesis: f for f in store.try_fits(proposals, rough=True)}
+    first = sorted(rough.values(), key=store.score)[:REFINED]
+    fitted = store.in_earnest(first)
+    unique = {f.hypothesis: f for f in fitted if store.named(f)}
+    return sorted(unique.values(), key=store.score)[:WIDTH]

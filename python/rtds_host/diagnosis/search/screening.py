@@ -1,0 +1,86 @@
+"""What effects promise on top of a fit, and what one screening keeps for the next."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rtds_host.diagnosis import ripple
+from rtds_host.diagnosis.fit import Fit
+from rtds_host.diagnosis.screen import Candidate, Screen, Signature, doubles, sensitivities_of
+from rtds_host.diagnosis.search.store import Store
+
+# Numerical: sides of an effect that promise this share of what its best one does are tried, too.
+NEARLY = 0.8
+# Numerical: effects of each screening whose signatures are taken again for the next.
+RETAKEN = 8
+
+
+@dataclass(frozen=True)
+class Screening:
+    """What a search screens fits by.
+
+    quick : the first screening takes fewer signatures of slow effects; last : the last screening by no discrepancy,
+    with its signatures; slow : signatures of slow effects, which are taken once; None where all are to be taken again.
+    """
+
+    quick: bool
+    last: Screen | None = None
+    slow: Mapping[Signature, np.ndarray] | None = None
+
+    def again(self) -> Screening:
+        """The same, but the next screening takes all signatures again."""
+        return replace(self, slow=None)
+
+    def screens(self, store: Store, fit: Fit) -> list[Screen]:
+        """What effects promise on top of a fit, by the discrepancy it leaves and by none, by the signatures of the last
+        screening.
+
+        The first hardly feels what is slow, since it may be the discrepancy; the second hardly what is small.
+        """
+        signatures, white = self.last.sensitivities if self.last else {}, store.problem.white()
+        return [Screen(store.problem, fit, signatures, *by) for by in ((fit.noise, None), (white, self.last))]
+
+    def renewed(self, store: Store, fit: Fit) -> tuple[list[Screen], Screening]:
+        """The same by signatures that are taken on top of the fit, and what the next screening begins with. What
+        promised little by the signatures of the last screening, and slow effects, keep these.
+
+        What an effect promises hangs on the residuals much more than on the robot that it is added to.
+        """
+        problem = store.problem
+        periodic = [effect.id for effect in store.effects.values() if effect.periodic]
+        sought = [effect for effect in periodic if effect in store.wanted]
+        extra = ripple.starts(problem, problem.replay(fit.model(problem)), sought) if sought else {}
+        before: Sequence[Screen | None] = (None, self.last)
+        known: dict[Signature, np.ndarray] = {}
+        if self.slow is not None and self.last is not None:
+            before = self.screens(store, fit)
+            ranked = [dict.fromkeys(c.cause[0] for c in screen.candidates()) for screen in before]
+            retaken = {effect for effects in ranked for effect in list(effects)[:RETAKEN]} | set(periodic)
+            known = {s: m for s, m in self.last.sensitivities.items() if s.effect not in retaken} | dict(self.slow)
+        signatures = sensitivities_of(store.fitter, fit, extra, store.wanted, known, self.quick and not fit.hypothesis)
+        slow = self.slow
+        if slow is None:
+            slow = {s: m for s, m in signatures.items() if store.effects[s.effect].nonlinear}
+        noises = fit.noise, problem.white()
+        screens = [Screen(problem, fit, signatures, *by) for by in zip(noises, before, strict=True)]
+        return screens, replace(self, last=screens[1], slow=slow)
+
+
+def promising(store: Store, screens: Iterable[Screen], count: int) -> list[Candidate]:
+    """The first effects of each screening, so many of each: the best side, and another that promises nearly as
+    much.
+    """
+    picked: dict[tuple[str, str], Candidate] = {}
+    for screen in screens:
+        sides: dict[str, list[Candidate]] = {}
+        for c in screen.candidates():
+            if c.gain > 0.0 and not doubles(store.problem, c.cause, screen.taken):
+                sides.setdefault(c.cause[0], []).append(c)
+        for mine in list(sides.values())[:count]:
+            for c in mine[:2]:
+                if c.gain >= NEARLY * mine[0].gain:
+                    picked.setdefault(c.cause, c)
+    return list(picked.values())

@@ -1,0 +1,194 @@
+"""The store of a search: fits of the explanations that were met, and how probable each is.
+
+Their score is -2 log of evidence and prior (`fit`, `Store.log_prior`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from rtds_host.diagnosis.effects import Effect
+from rtds_host.diagnosis.evidence import CONVINCING, believed, compared, excess, worth_adding
+from rtds_host.diagnosis.fit import (
+    ITERATIONS,
+    ROUGH_ITERATIONS,
+    Fit,
+    Fitter,
+    Hypothesis,
+    Proposal,
+    prior_cost,
+    side_by_side,
+)
+from rtds_host.diagnosis.gap import LEAST
+from rtds_host.diagnosis.likelihood import Likelihood
+from rtds_host.diagnosis.nuisances import band
+from rtds_host.diagnosis.problem import Problem
+from rtds_host.diagnosis.thresholds import MINOR_SHARE
+
+# Probability: effects that a robot has beyond its tolerances, on average; which ones and on which side is anybody's
+# guess.
+EXPECTED_EFFECTS = 2.0
+SIDE_PRIOR = {"both": 0.5, "left": 0.25, "right": 0.25}
+# Numerical: how far behind in score a rough fit is certainly the worse one, and how far it may be from one in earnest.
+FAR, ROUGHLY = 200.0, 20.0
+
+
+class Store:
+    """Explanations of one case; `fits` holds the best fit of each that was tried.
+
+    without : effects left out of the catalogue; `wanted` are the others.
+    """
+
+    def __init__(self, problem: Problem, without: frozenset[str] = frozenset()):
+        self.problem = problem
+        self.effects = problem.effects
+        self.wanted = {e for e in problem.effects if e not in without}
+        self.fitter = Fitter(problem)
+        self.fits: dict[Hypothesis, Fit] = {}
+        self._begun: dict[tuple, float] = {}  # explanations that were fitted, what each fit began from, and its score
+        self._refitted: Fit | None = None
+        self._optima: dict[Hypothesis, tuple[Fit, Fit]] = {}
+
+    # ---- scores
+
+    def log_prior(self, hypothesis: Hypothesis) -> float:
+        """Log prior probability of a set: each effect is in or out by itself."""
+        each = EXPECTED_EFFECTS / len(self.effects)
+        return sum(math.log(each * (SIDE_PRIOR[side] if self.effects[e].sided else 1.0)) for e, side in hypothesis)
+
+    def prior(self, fit: Fit) -> float:
+        """-2 log prior density of an explanation with its sizes.
+
+        An effect of one side is as likely as not on the other, too, of another size: friction on both wheels is one
+        cause that scatters, not two.
+        """
+        left, right = ({e for e, s in fit.hypothesis if s == side} for side in ("left", "right"))
+        alone = math.log(SIDE_PRIOR["right"] * EXPECTED_EFFECTS / len(self.effects))
+        log_prior = self.log_prior(fit.hypothesis) + len(left & right) * (math.log(SIDE_PRIOR["both"]) - alone)
+        return prior_cost(fit.z, fit.u) - 2.0 * log_prior
+
+    def score(self, fit: Fit) -> float:
+        """-2 log of evidence times prior."""
+        return fit.score - 2.0 * self.log_prior(fit.hypothesis)
+
+    def takes_off(self, fit: Fit, other: Fit) -> float:
+        """What one explanation takes off another's excess over white noise, a share of it."""
+        return (self.score(other) - self.score(fit)) / max(excess(self.problem, other), 1.0)
+
+    def named(self, fit: Fit) -> bool:
+        """Whether each effect is big enough to be named, and no larger than can be: a `ratio` within 3 % of 1 on R, K,
+        J or B is a nuisance, and a size that rests on its bound replaces something else."""
+        return all(
+            not self._within_tolerance(self.effects[e], values) and not self.effects[e].at_its_bound(values)
+            for (e, _), values in zip(fit.hypothesis, fit.values)
+        )
+
+    def _within_tolerance(self, effect: Effect, values: Mapping[str, float]) -> bool:
+        """Whether a ratio is within three sigmas of 1 on a constant that has a tolerance (contract, section 2)."""
+        return any(
+            abs(values[p.name] - 1.0) <= band(self.problem.robot, p.of)
+            for p in effect.parameters
+            if p.name == "ratio" and p.of
+        )
+
+    def best(self) -> Fit:
+        """The most probable explanation so far."""
+        return min((f for f in self.fits.values() if self.named(f)), key=self.score)
+
+    def better(self, fit: Fit, others: Iterable[Fit]) -> Fit:
+        """The most probable of an explanation and others; one that leaves no gap gives way to convincing odds alone."""
+        best = min(others, key=self.score, default=fit)
+        least = 2.0 * math.log(CONVINCING) if self.closed(fit) else 0.0
+        return best if self.score(best) < self.score(fit) - least else fit
+
+    def gap(self, fit: Fit) -> float:
+        return self.problem.gap(fit.model(self.problem))
+
+    def closed(self, fit: Fit) -> bool:
+        """Whether an explanation leaves no gap to speak of."""
+        return self.gap(fit) < LEAST
+
+    def believed(self, extended: Fit, fit: Fit, closest: float) -> bool:
+        """Whether an explanation is more likely than a part of it, as far as its gain can be believed, and takes off
+        no small part of what that leaves beyond noise, or of the gap.
+
+        closest : the smallest gap before. Of the two measures of what is left either may say little before others are
+        in.
+        """
+        prior = self.log_prior(extended.hypothesis) - self.log_prior(fit.hypothesis)
+        if prior + believed(*compared(self.problem, extended, fit)) < 0.0:
+            return False
+        return self.score(fit) - self.score(extended) >= MINOR_SHARE * excess(self.problem, fit) or worth_adding(
+            closest, self.gap(extended)
+        )
+
+    # ---- fits
+
+    def try_fit(self, hypothesis: Hypothesis, u: np.ndarray, near: Fit, rough: bool = False) -> Fit:
+        """Fit an explanation, starting from the nuisances and the discrepancy of another; the better of this and
+        an earlier fit. `rough`: with the other's derivatives by the effects that both hold at the same size."""
+        return self.try_fits([Proposal(hypothesis, u, near)], rough)[0]
+
+    def try_fits(self, proposals: Iterable[Proposal], rough: bool = False) -> list[Fit]:
+        """The same of several proposals, side by side."""
+        proposals = list(proposals)
+        self.reached(proposals, rough)
+        return [self.fits[one.hypothesis] for one in proposals]
+
+    def in_earnest(self, fits: Iterable[Fit]) -> list[Fit]:
+        """Rough fits, each fitted again from where it is."""
+        return self.try_fits(Proposal(f.hypothesis, f.u, f) for f in fits)
+
+    def reached(self, proposals: Sequence[Proposal], rough: bool) -> list[float]:
+        """The same as `try_fits`, and the scores of these very fits."""
+        keys = [(one.hypothesis, one.u.tobytes(), one.near.hypothesis, one.near.cost, rough) for one in proposals]
+        new = {k: one for k, one in zip(keys, proposals) if k not in self._begun or one.hypothesis not in self.fits}
+        works = [self.fitter.fitting_to(one, rough) for one in new.values()]
+        for key, fit in zip(new, side_by_side(self.problem, works)):
+            best = self.fits.get(fit.hypothesis)
+            if best is None or fit.cost < best.cost:
+                self.fits[fit.hypothesis] = fit
+            self._begun[key] = self.score(fit)
+        return [self._begun[key] for key in keys]
+
+    def nothing(self, noise: Likelihood) -> Fit:
+        """The explanation without any effect, roughly fitted from a discrepancy; it replaces an earlier one."""
+        z = np.zeros(self.fitter.count)
+        self.fits[()] = self.fitter.fit((), np.empty(0), z, noise, ROUGH_ITERATIONS)
+        return self.fits[()]
+
+    def keep(self, *fits: Fit) -> None:
+        """Forget all explanations but some, which are fitted again with runs that begin as they now do."""
+        kept = {f.hypothesis: f for f in fits}
+        self.fits = {h: self.fitter.fit(h, f.u, f.z, f.noise, ITERATIONS) for h, f in kept.items()}
+
+    def refitted(self) -> Fit:
+        """The nominal robot with nuisances that bring its replay as close as their tolerance allows, whatever is
+        missing: no discrepancy, so that what they could explain is not taken for one."""
+        if self._refitted is None or self._refitted.start != self.fitter.start:
+            flat = self.problem.white()
+            self._refitted = self.fitter.fit((), np.empty(0), np.zeros(self.fitter.count), flat, fixed=True)
+        return self._refitted
+
+    def optima(self, fits: Sequence[Fit]) -> list[list[Fit]]:
+        """Of each explanation the fit, that by plain squares from no nuisance, and that by the likelihood from there.
+
+        A logarithm of squares has many local optima, since what fits a stretch well makes that stretch heavy; plain
+        squares have few, and do not hang on the noise that is declared. Which one is best runs left out decide.
+        Graduated non-convexity: A. Blake, A. Zisserman, Visual Reconstruction, 1987.
+        """
+        white = self.problem.white()
+        new = [f for f in fits if f.hypothesis not in self._optima or self._optima[f.hypothesis][0].start != f.start]
+        plain = side_by_side(
+            self.problem,
+            [self.fitter.fitting(f.hypothesis, f.u, np.zeros_like(f.z), white, ITERATIONS, fixed=True) for f in new],
+        )
+        likely = side_by_side(
+            self.problem, [self.fitter.fitting(f.hypothesis, f.u, f.z, white, ITERATIONS) for f in plain]
+        )
+        for others in zip(plain, likely, strict=True):
+            self._optima[others[0].hypothesis] = others
+        return [[fit, *filter(self.named, self._optima[fit.hypothesis])] for fit in fits]
