@@ -138,7 +138,7 @@ class Fit:
         """`u` by effect."""
         return split(self.effects, self.hypothesis, self.u)
 
-    def without(self, *causes: tuple[str, str]) -> dict[tuple[str, str], np.ndarray]:
+    def parts_without(self, *causes: tuple[str, str]) -> dict[tuple[str, str], np.ndarray]:
         """The same less some effects."""
         return {cause: u for cause, u in self.parts.items() if cause not in causes}
 

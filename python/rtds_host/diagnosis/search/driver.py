@@ -114,18 +114,18 @@ class Search:
             fit = self.climb(fit)
             fit = polishing.polished(store, fit, fit.hypothesis)
             count = 1 if spent() else 2 if self.quick else 4
-            better = self._told("exchange", fit, exchanging.exchanged(store, self.screening, fit, count))
+            better = self._noted("exchange", fit, exchanging.exchanged(store, self.screening, fit, count))
             if better is fit and not spent():
-                better = self._told("exchange", fit, exchanging.pairs_exchanged(store, self.screening, fit))
+                better = self._noted("exchange", fit, exchanging.pairs_exchanged(store, self.screening, fit))
             done, fit = better is fit, better
             if done or spent():
                 break
         # Where no gap is left the likelihood is good enough to decide, blemishes and all; the account leaves these out.
         fit = fit if store.named(fit) else store.best()
         fit = store.better(fit, [store.best()]) if store.closed(fit) else fit
-        return self._told("rename", fit, renaming.renamed(store, fit))
+        return self._noted("rename", fit, renaming.renamed(store, fit))
 
-    def _told(self, step: str, fit: Fit, other: Fit) -> Fit:
+    def _noted(self, step: str, fit: Fit, other: Fit) -> Fit:
         """The explanation that a step led to, which the trace notes if it is another."""
         if other is not fit:
             out, new = set(fit.hypothesis) - set(other.hypothesis), set(other.hypothesis) - set(fit.hypothesis)
@@ -190,7 +190,7 @@ class Search:
                 other = self.next_step(accepted, closest) if not store.closed(accepted) else None
                 if other is not None:
                     new = set(other.hypothesis) - set(accepted.hypothesis)
-                    accepted = fit = self._told("add what is believed", accepted, polishing.polished(store, other, new))
+                    accepted = fit = self._noted("add believed", accepted, polishing.polished(store, other, new))
                     doubtful, closest = 0, min(closest, store.gap(fit))
                     continue
                 if accepted.hypothesis in self.looked or store.closed(accepted):
@@ -200,8 +200,8 @@ class Search:
                 self.looked.add(fit.hypothesis)
                 self.screening, doubtful = self.screening.again(), 0
                 continue
-            self._told("add", fit, extended)
-            fit = self._told("prune", extended, removing.pruned(store, extended))
+            self._noted("add", fit, extended)
+            fit = self._noted("prune", extended, removing.pruned(store, extended))
             accepted, fit = self._begun_elsewhere(accepted, fit)
             if store.believed(fit, accepted, closest):
                 accepted, doubtful, closest = fit, 0, min(closest, store.gap(fit))

@@ -73,7 +73,7 @@ def pairs_exchanged(store: Store, screening: Screening, fit: Fit) -> Fit:
     a gain of the driver and one of the current sensor do what a resistance and a torque constant do, and no exchange
     of one of them for one of these leads there. Each pair is screened on top of the fit without the two."""
     out = list(itertools.combinations(fit.hypothesis, 2))
-    rests = [Proposal.of(fit.without(*two), fit) for two in out]
+    rests = [Proposal.of(fit.parts_without(*two), fit) for two in out]
     proposals = [
         proposal
         for two, alone in zip(out, store.try_fits(rests, rough=True))

@@ -11,7 +11,7 @@ from rtds_host.diagnosis.search.store import ROUGHLY, Store
 def without(store: Store, fit: Fit, *causes: tuple[str, str]) -> list[Fit]:
     """The explanation less each of some effects, the others roughly fitted again; where it was met already and fits
     better than with the effect, that fit."""
-    less = [Proposal.of(fit.without(cause), fit) for cause in causes]
+    less = [Proposal.of(fit.parts_without(cause), fit) for cause in causes]
     met = {h: store.fits[h] for h, *_ in less if h in store.fits and store.fits[h].cost < fit.cost}
     store.try_fits([one for one in less if one.hypothesis not in met], rough=True)
     return [met.get(h) or store.fits[h] for h, *_ in less]
@@ -39,7 +39,7 @@ def plainer(store: Store, fit: Fit) -> list[Proposal]:
     """The explanation with an effect in its simpler form: without the further parameters."""
     parts, found = fit.parts, []
     for effect, side in fit.hypothesis:
-        remaining = fit.without((effect, side))
+        remaining = fit.parts_without((effect, side))
         for plain in store.effects[effect].contains:
             if not clashes((plain, side), tuple(remaining)):
                 count = len(store.effects[plain].parameters)
@@ -53,14 +53,16 @@ def merged(fit: Fit) -> list[Proposal]:
     for effect, side in fit.hypothesis:
         if side == "left" and (effect, "right") in parts:
             both = 0.5 * (parts[effect, "left"] + parts[effect, "right"])
-            found.append(Proposal.of({**fit.without((effect, "left"), (effect, "right")), (effect, "both"): both}, fit))
+            found.append(
+                Proposal.of({**fit.parts_without((effect, "left"), (effect, "right")), (effect, "both"): both}, fit)
+            )
     return found
 
 
 def gathered(store: Store, fit: Fit) -> list[Proposal]:
     """The explanation with what two effects of much the same do as one of them: springs in a row."""
     return [
-        Proposal.of({**fit.without(cause), other: start}, fit)
+        Proposal.of({**fit.parts_without(cause), other: start}, fit)
         for cause in fit.hypothesis
         for other, start in likened(store, fit, cause).items()
         if other in fit.hypothesis

@@ -15,7 +15,7 @@ def namesakes(store: Store, fit: Fit, cause: tuple[str, str]) -> dict[tuple[str,
     """The same size as another effect with the same parameters, or that of one that does most of the same, by that,
     where no slope leads from one to the other: of two delays one gives way to the other only if it is as long from
     the start. Which ones are polished hangs on their fits."""
-    remaining = fit.without(cause)
+    remaining = fit.parts_without(cause)
     found = {}
     starts = {other: fit.parts[cause] for other in alike(store, fit, cause)}
     starts |= {other: start for other, start in likened(store, fit, cause).items() if other not in remaining}
@@ -52,7 +52,7 @@ def sides(store: Store, fit: Fit, cause: tuple[str, str]) -> list[Proposal]:
     """The same explanation with one of its effects on other sides."""
     if len(store.problem.robot.sides) < 2:
         return []
-    remaining = fit.without(cause)
+    remaining = fit.parts_without(cause)
     return [
         Proposal.of({**remaining, (cause[0], side): fit.parts[cause]}, fit)
         for side in store.effects[cause[0]].sides
@@ -76,7 +76,7 @@ def alike(store: Store, fit: Fit, cause: tuple[str, str]) -> list[tuple[str, str
     """Effects with the same parameters as a steep one of an explanation, on its side, that this could as well hold
     in its place.
     """
-    effect, remaining = store.effects[cause[0]], tuple(fit.without(cause))
+    effect, remaining = store.effects[cause[0]], tuple(fit.parts_without(cause))
     if not effect.steep:
         return []
     names = [p.name for p in effect.parameters]
@@ -94,7 +94,7 @@ def likened(store: Store, fit: Fit, cause: tuple[str, str]) -> dict[tuple[str, s
     """Effects that do most of what one of an explanation does, on its side where they have sides, and with which
     scaled parameters; together with its own where they are in already."""
     at = dict(zip(fit.hypothesis, fit.values))
-    remaining = tuple(fit.without(cause))
+    remaining = tuple(fit.parts_without(cause))
     there = {effect.id for effect in available(store.problem)} & store.wanted
     found = {}
     for other, like in store.effects[cause[0]].likened.items():
