@@ -181,8 +181,8 @@ def compare_answer(said: Answer, now: dict[str, Any]) -> list[str]:
     """What an answer on a page says that today's `diagnosis.json` does not; [] where they agree."""
     wrong = [] if said.verdict == now["verdict"] else [f"verdict {said.verdict}, now {now['verdict']}"]
     real = {(e["id"], e["side"]): e for e in now["effects"]}
-    wrong += [f"effect {' '.join(e)}, now not blamed" for e in said.effects if e not in real]
-    wrong += [f"effect {' '.join(e)} not there, now blamed" for e in real if e not in said.effects]
+    wrong += [f"effect {' '.join(e)}, now not included" for e in said.effects if e not in real]
+    wrong += [f"effect {' '.join(e)} not there, now included" for e in real if e not in said.effects]
     for effect in said.effects.keys() & real.keys():
         parameters = real[effect]["parameters"]
         for key, value in said.effects[effect].items():

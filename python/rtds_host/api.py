@@ -43,9 +43,7 @@ def read_case(folder: Path_) -> Case:
     return contract.read_case(folder)
 
 
-def diagnose(
-    case: Case | Path_, *, quick: bool = False, threads: int = 0, seed: int = 1, out: Path_ | None = None
-) -> dict[str, Any]:
+def diagnose(case: Case | Path_, *, quick: bool = False, threads: int = 0, out: Path_ | None = None) -> dict[str, Any]:
     """Say where the gap between simulation and robot lies, and which effects cause it (`rtds diagnose`).
 
     Parameters
@@ -53,7 +51,6 @@ def diagnose(
     case : as read, or its folder.
     quick : a narrower search; the full one takes 1.2 to 1.3 times as long.
     threads : cores to use; 0 = all.
-    seed : changes nothing, no chance is in a diagnosis; kept for callers.
     out : folder for `diagnosis.json` and `report.html`; nothing is written without it.
 
     Returns
@@ -76,7 +73,7 @@ def diagnose(
         place = case.path if isinstance(case, Case) else Path(case)
         if place is not None:
             refuse_case(place, Path(out))
-    result, details = diagnose_case(_case(case), quick=quick, threads=threads or cores(), seed=seed)
+    result, details = diagnose_case(_case(case), quick=quick, threads=threads or cores())
     validate(result)
     if out is not None:
         write_result(Path(out), result, report_page(result, details), place, quick)
@@ -194,7 +191,6 @@ def close(
     quick: bool = True,
     causes: bool = False,
     threads: int = 0,
-    seed: int = 1,
 ) -> Result:
     """Put a diagnosis into the real-time simulator and measure the gap there before and after (`rtds close`).
 
@@ -206,7 +202,7 @@ def close(
         not.
     hold_out : runs to replay; by default the last one, with a given diagnosis all.
     link, engine : as of `run`. causes : vary the simulator one thing at a time, to say where it differs from the
-    replay. threads : cores for the diagnosis; 0 = all. seed : changes nothing, kept for callers.
+    replay. threads : cores for the diagnosis; 0 = all.
 
     Returns
     -------
@@ -247,7 +243,6 @@ def close(
         quick,
         causes,
         threads=threads or cores(),
-        seed=seed,
     )
 
 

@@ -64,7 +64,7 @@ def simulate(
     coulomb=0.0,
     viscous=0.0,
     load=1.0,
-    late_s=0.0,
+    delay_s=0.0,
     rate=250,
     th0=0.2,
     ki=SERVO["ki_v_per_rad"],
@@ -72,7 +72,7 @@ def simulate(
     """What an axis does on a command (a function of time); t (n,), columns noiseless.
 
     gain, resistance, constant and load (mass or inertia) are ratios, coulomb N·m and viscous N·m·s/rad at the output,
-    late_s the delay of all measured columns; ki that of the servo in speed mode.
+    delay_s the delay of all measured columns; ki that of the servo in speed mode.
     """
     r, kt = MOTOR["resistance_ohm"] * resistance, MOTOR["torque_constant_nm_per_a"] * constant
     inertia = {
@@ -84,7 +84,7 @@ def simulate(
     total = inertia + GEAR**2 * MOTOR["rotor_inertia_kg_m2"]
     damping = GEAR**2 * MOTOR["viscous_friction_nm_s_per_rad"] + viscous
     rows = int(seconds * rate) + 1
-    every, lag = round(1 / (rate * H)), round(late_s / H)
+    every, lag = round(1 / (rate * H)), round(delay_s / H)
     steps = (rows - 1) * every + 1
     th, w, i, held = th0, 0.0, 0.0, 0.0
     integral, volts = 0.0, 0.0

@@ -69,16 +69,7 @@ class LatencyFigure:
 
 def set_burger(link: Link | MotorPair) -> None:
     """Give the link the motor of the default robot, at 10 µs."""
-    motor = builtin_robot("burger").motor
-    link.set_parameters(
-        motor.resistance_ohm,
-        motor.inductance_h,
-        motor.torque_constant_nm_per_a,
-        motor.back_emf_constant_v_s_per_rad,
-        motor.rotor_inertia_kg_m2,
-        motor.viscous_friction_nm_s_per_rad,
-        STEP_S,
-    )
+    link.set_parameters(*builtin_robot("burger").motor.constants, STEP_S)
 
 
 def _processor_s(pid: int) -> float:

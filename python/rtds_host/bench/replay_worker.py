@@ -40,7 +40,7 @@ CHANGES: dict[str, dict[str, float]] = {
     "slope": {"slope_extra": 0.05, "com_x": 0.01},
     "sensors": {"speed_gain": 1.1, "current_gain": 0.8, "current_bias": 0.02, "speed_tau": 0.03, "gyro_gain": 1.1},
     "delays": {"command_delay": 0.023, "measurement_delay": 0.011},
-    "clocks": {"gyro_late": 0.013, "pose_late": 0.021, "gyro_bias": 0.05},
+    "clocks": {"gyro_delay": 0.013, "pose_delay": 0.021, "gyro_bias": 0.05},
 }
 
 

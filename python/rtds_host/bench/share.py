@@ -2,7 +2,7 @@
 
     python -m rtds_host.bench.share [SCENARIO] [--link rtl|model]
 
-Wall time hangs on what else a computer does; processor time hardly does. The calls are timed inside the run, so the
+Wall time depends on what else a computer does; processor time hardly does. The calls are timed inside the run, so the
 timing's own share is in "the rest".
 """
 

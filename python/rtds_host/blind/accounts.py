@@ -20,7 +20,7 @@ import numpy as np
 from rtds_host.blind import planar
 from rtds_host.blind.gap import channel_gaps
 from rtds_host.blind.kernel import SIDE_NAMES, WORLD_NAMES
-from rtds_host.blind.scales import draw_nameless, draw_sized, scale_of, strengthened
+from rtds_host.blind.scales import draw_sized, draw_unmodelled, scale_of, strengthened
 from rtds_host.blind.vocabulary import EFFECTS
 
 ASKED_GAP = 1.5  # effects worth less are not asked for in the score
@@ -172,10 +172,10 @@ def _trial(robot, spec: dict, machine, rng: np.random.Generator, whole: bool = F
 
 
 def draw_causes(rng: np.random.Generator, robot, spec: dict) -> tuple[list[dict], dict | None]:
-    """Effects of a case of kind `many` or `messy`, and the nameless one of a messy one.
+    """Effects of a case of kind `many` or `messy`, and the unmodelled one of a messy one.
 
     Every effect is drawn again (half of the time another one) until leaving it out matters in short drives of the
-    case's runs, and not beyond all measure; the nameless one is made as strong as
+    case's runs, and not beyond all measure; the unmodelled one is made as strong as
     a share of the gap between 5 and 50 % asks for.
 
     Parameters
@@ -229,7 +229,7 @@ def draw_causes(rng: np.random.Generator, robot, spec: dict) -> tuple[list[dict]
 
 
 def _draw_rest(rng: np.random.Generator, robot, spec: dict, of, build, effects: list[dict]) -> dict | None:
-    """A nameless effect that is worth a small part of the gap on the case's whole runs; None where none was found."""
+    """An unmodelled effect worth a small part of the gap on the case's whole runs; None where none was found."""
     missing = set(spec["missing"])
     machine = build(effects, None, False)
     step_s = machine.step_s
@@ -239,7 +239,7 @@ def _draw_rest(rng: np.random.Generator, robot, spec: dict, of, build, effects: 
     noise = planar.noises(robot, {})
     before = gap_between(noise, drives, named, [drive.replay(nominal, step_s) for drive in drives], missing)
     for _ in range(ROUNDS):
-        rest = draw_nameless(rng, of, spec["world"])
+        rest = draw_unmodelled(rng, of, spec["world"])
         wanted = max(1.3, 1.0 + (before - 1.0) * math.exp(rng.uniform(*np.log(REST_SHARE))))
         factor, weak, strong = 1.0, 0.01, 100.0
         for _ in range(8):

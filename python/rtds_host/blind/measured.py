@@ -50,8 +50,8 @@ WITHHELD_SHARE = 4
 VISIBLE = math.sqrt(2.0)
 # A size counts as right within this factor.
 FACTOR = 2.0
-# Of these lates one may stand in the base and another in the answer; the answer's then holds both sizes.
-LATE = {"measurement_delay": "seconds", "command_delay": "seconds", "speed_filter": "time_constant_s"}
+# Of these delays one may be in the base and another in the answer; the answer's then holds both sizes.
+DELAYS = {"measurement_delay": "seconds", "command_delay": "seconds", "speed_filter": "time_constant_s"}
 # A form of an effect that holds another one as a part of it.
 WIDER = {"stribeck_friction": "coulomb_friction"}
 
@@ -168,8 +168,8 @@ def is_measured(out: Path) -> bool:
     return what_was_drawn(out).get("kind") == KIND
 
 
-def _value(blamed: dict, parameter: str) -> tuple[float | None, list | None]:
-    given = blamed.get("parameters", {}).get(parameter)
+def _value(included: dict, parameter: str) -> tuple[float | None, list | None]:
+    given = included.get("parameters", {}).get(parameter)
     if isinstance(given, dict):
         return given.get("value"), given.get("ci90")
     return given, None
@@ -209,9 +209,10 @@ def _match(want: dict, side: str, answer: _Answer, base: _Answer) -> dict | None
     if value is None:
         return None
     before, _ = _value(base.effects[key], want["parameter"]) if key in base.effects else (None, None)
-    if before is None and want["id"] in LATE:
-        gone = [_value(e, LATE[k[0]])[0] for k, e in base.effects.items() if k[0] in LATE and k not in answer.effects]
-        before = sum(x for x in gone if x is not None) or None
+    if before is None and want["id"] in DELAYS:
+        gone = [k for k in base.effects if k[0] in DELAYS and k not in answer.effects]
+        sizes = [_value(base.effects[k], DELAYS[k[0]])[0] for k in gone]
+        before = sum(x for x in sizes if x is not None) or None
     change = _change(value, before, ratio)
     target = min(max(change, low), high)
     if not target * change > 0 or not 1 / FACTOR <= change / target <= FACTOR:
@@ -268,7 +269,7 @@ def judge_planted(truth: dict, said: dict | None, base_said: dict | None, entry:
         "answered": said is not None,
         "complaint": "" if said else entry["said"],
         "verdict": answer.verdict,
-        "blamed": sorted(key[0] for key in answer.effects),
+        "included": sorted(key[0] for key in answer.effects),
         "want": [want["id"] for want in truth["same"]],
         "named": bool(named),
         "found": bool(same),
@@ -390,7 +391,7 @@ def score_measured(
                 "verdict": (answers.get(case) or {}).get("verdict"),
                 "gap": rest[name],
                 "case": case,
-                "blamed": [e["id"] for e in (answers.get(case) or {}).get("effects", [])],
+                "included": [e["id"] for e in (answers.get(case) or {}).get("effects", [])],
             }
             for name, case in bases.items()
         },
@@ -474,7 +475,7 @@ def page(result: dict) -> str:
     lines.append("")
     for name, base in result["bases"].items():
         lines.append(
-            f"{name} untouched: {base['verdict']}, named {', '.join(base['blamed']) or 'nothing'}, gap "
+            f"{name} untouched: {base['verdict']}, named {', '.join(base['included']) or 'nothing'}, gap "
             f"{_number(base['gap'])} on the withheld runs."
         )
     lines += [
@@ -489,9 +490,9 @@ def page(result: dict) -> str:
             ends = " to ".join(f"{x:.3g}" for x in dict.fromkeys(m["expected"]))
             size = f"{m['effect']}: {ends}, {m['value']:.3g}"
         where = "yes" if r["found"] and not r["named"] else "near" if r["near"] and not r["found"] else ""
-        blamed = ", ".join(r["blamed"]) or r["verdict"] or "no answer"
+        included = ", ".join(r["included"]) or r["verdict"] or "no answer"
         lines.append(
-            f"| {r['set']} | {r['said']} | {blamed} | {'yes' if r['named'] else 'no'} | {where} | {size} | "
+            f"| {r['set']} | {r['said']} | {included} | {'yes' if r['named'] else 'no'} | {where} | {size} | "
             f"{_number(r['gap_opened'])}, {_number(r['gap_left'])} |"
         )
     return "\n".join(lines) + "\n"

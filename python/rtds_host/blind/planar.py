@@ -736,9 +736,9 @@ def build_machine(robot, spec: dict, rng: np.random.Generator, effects: bool = T
             apply_effect(machine, effect)
         if spec["outside"]:
             apply_outside(machine, spec["outside"])
-        for nameless in (spec.get("rest"), *spec.get("forms", ())):
-            if nameless:
-                apply_outside(machine, nameless)
+        for unmodelled in (spec.get("rest"), *spec.get("forms", ())):
+            if unmodelled:
+                apply_outside(machine, unmodelled)
     return machine
 
 

@@ -119,20 +119,20 @@ def _bias(names: list[str], offset: float) -> Callable[[RunLog], tuple[np.ndarra
     return alter
 
 
-def shifted(t: np.ndarray, values: np.ndarray, late_s: float) -> np.ndarray:
-    """A channel (n,) as it is reported `late_s` late, at the same times; empty cells stay empty."""
+def shifted(t: np.ndarray, values: np.ndarray, delay_s: float) -> np.ndarray:
+    """A channel (n,) as it is reported `delay_s` late, at the same times; empty cells stay empty."""
     good = np.isfinite(values)
     out = np.full(len(t), np.nan)
     if good.any():
-        out[good] = np.interp(t[good] - late_s, t[good], values[good])
+        out[good] = np.interp(t[good] - delay_s, t[good], values[good])
     return out
 
 
-def _late(names: list[str], late_s: float) -> Callable[[RunLog], tuple[np.ndarray, dict[str, np.ndarray]]]:
+def _delayed(names: list[str], delay_s: float) -> Callable[[RunLog], tuple[np.ndarray, dict[str, np.ndarray]]]:
     def alter(run: RunLog) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         # What was not recorded yet when the log begins cannot be reported: these rows are cut, in all channels.
-        keep = run.t >= run.t[0] + late_s
-        columns = {c: (shifted(run.t, v, late_s) if c in names else v)[keep] for c, v in run.columns.items()}
+        keep = run.t >= run.t[0] + delay_s
+        columns = {c: (shifted(run.t, v, delay_s) if c in names else v)[keep] for c, v in run.columns.items()}
         return run.t[keep], columns
 
     return alter
@@ -392,36 +392,36 @@ def _current_bias(f: _Facts, rng: np.random.Generator) -> Plant:
     )
 
 
-def _all_late(f: _Facts, rng: np.random.Generator) -> Plant:
-    late = float(f"{_log(rng, SHIFT_S):.4g}")
+def _all_delayed(f: _Facts, rng: np.random.Generator) -> Plant:
+    delay = float(f"{_log(rng, SHIFT_S):.4g}")
     names = [f"{c}_{s}" for c in ("i", "w", "th") for s in f.robot.sides] + ["gyro_z"]
     if f.robot.driver.bus == "nominal":
         names.append("v_bus")
-    same = [_exact("measurement_delay", "seconds", late)]
-    alike = [_exact("speed_filter", "time_constant_s", late)]
+    same = [_exact("measurement_delay", "seconds", delay)]
+    alike = [_exact("speed_filter", "time_constant_s", delay)]
     (alike if any(_has(f.case, c) for c in ("x", "y", "yaw")) else same).append(
-        _exact("command_delay", "seconds", late)
+        _exact("command_delay", "seconds", delay)
     )
     return Plant(
-        "all late",
+        "all delayed",
         "both",
-        f"all measured columns {1e3 * late:.4g} ms late",
+        f"all measured columns {1e3 * delay:.4g} ms late",
         tuple(same),
         tuple(alike),
-        alter=_late(names, late),
+        alter=_delayed(names, delay),
     )
 
 
-def _speed_late(f: _Facts, rng: np.random.Generator) -> Plant:
-    late = float(f"{_log(rng, SHIFT_S):.4g}")
+def _speed_delayed(f: _Facts, rng: np.random.Generator) -> Plant:
+    delay = float(f"{_log(rng, SHIFT_S):.4g}")
     # The contract's filter has no delay; for motion slower than this one a filter of that time constant does the same.
     return Plant(
-        "speed late",
+        "speed delayed",
         f.sides[0],
-        f"speed alone {1e3 * late:.4g} ms late",
-        (_exact("speed_filter", "time_constant_s", late),),
-        (_exact("measurement_delay", "seconds", late),),
-        alter=_late([f"w_{s}" for s in f.robot.sides], late),
+        f"speed alone {1e3 * delay:.4g} ms late",
+        (_exact("speed_filter", "time_constant_s", delay),),
+        (_exact("measurement_delay", "seconds", delay),),
+        alter=_delayed([f"w_{s}" for s in f.robot.sides], delay),
     )
 
 
@@ -450,8 +450,8 @@ def kinds(case: Case) -> dict[str, Callable[[np.random.Generator], Plant]]:
     if _has(case, "w_l"):
         found.append(("speed gain", _speed_gain))
         if _has(case, "th_l"):
-            found.append(("speed late", _speed_late))
+            found.append(("speed delayed", _speed_delayed))
     if f.current:
         found += [("current gain", _current_gain), ("current bias", _current_bias)]
-    found.append(("all late", _all_late))
+    found.append(("all delayed", _all_delayed))
     return {name: partial(draw, f) for name, draw in found}

@@ -1,7 +1,7 @@
 """Sizes of effects in the scales of a machine of any size: stall torque, no-load speed, stall current, weight, track.
 
 The planar world's catalogue (`vocabulary.py`) has ranges in the units of one small robot. Here the same effects, and
-the nameless ones that only a rest is made of, are drawn as shares of what the machine's own motors and mass can do.
+the unmodelled ones that only a rest is made of, are drawn as shares of what the machine's own motors and mass can do.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ import numpy as np
 
 from rtds_host.blind.vocabulary import (
     EFFECTS,
-    NAMELESS,
     OUTSIDE,
     PLANAR_ONLY,
+    UNMODELLED,
     UNNAMED,
     log_uniform,
     random_side,
@@ -24,7 +24,7 @@ from rtds_host.blind.vocabulary import (
 )
 
 GRAVITY_M_S2 = 9.80665
-# Nameless effect -> the parameter that says how much of it there is, and whether more of it means more effect.
+# Unmodelled effect -> the parameter that says how much of it there is, and whether more of it means more effect.
 STRENGTH = {
     "command_hysteresis": ("hysteresis", 1),
     "command_quantised": ("quantum", 1),
@@ -281,7 +281,7 @@ def draw_sized(rng: np.random.Generator, name: str, of: Scale, axis: str | None 
     return {"id": name, "side": side, "subsystem": subsystem, "parameters": parameters}
 
 
-def nameless_parameters(rng: np.random.Generator, name: str, of: Scale) -> dict:
+def unmodelled_parameters(rng: np.random.Generator, name: str, of: Scale) -> dict:
     """Middle sizes; `strengthened` brings them to what a case asks for."""
     u, drag = rng.uniform, of.torque / of.speed
     travel = of.speed * of.radius * of.duration  # what the machine could drive in a run
@@ -365,16 +365,16 @@ def _unnamed(rng: np.random.Generator, of: Scale) -> dict:
     }
 
 
-def draw_nameless(rng: np.random.Generator, of: Scale, world: str = "planar", name: str | None = None) -> dict:
+def draw_unmodelled(rng: np.random.Generator, of: Scale, world: str = "planar", name: str | None = None) -> dict:
     """One effect that no name of the catalogue describes: id, side, subsystem, the world's parameters.
 
     Drawn of what no line of the diagnoser knows and what has a strength, unless `name` says another one.
     """
-    menu = [item for item in (*OUTSIDE, *NAMELESS) if item in STRENGTH]
+    menu = [item for item in (*OUTSIDE, *UNMODELLED) if item in STRENGTH]
     name = name or str(rng.choice([item for item in menu if world == "planar" or item not in PLANAR_ONLY]))
     subsystem, sided = UNNAMED[name]
     side = random_side(rng, sided)
-    parameters = {key: float(f"{value:.5g}") for key, value in nameless_parameters(rng, name, of).items()}
+    parameters = {key: float(f"{value:.5g}") for key, value in unmodelled_parameters(rng, name, of).items()}
     return {"id": name, "side": side, "subsystem": subsystem, "parameters": parameters}
 
 
@@ -387,7 +387,7 @@ def draw_outside(rng: np.random.Generator, of: Scale, name: str | None = None, w
     """
     name = name or str(rng.choice([item for item in OUTSIDE if world == "planar" or item not in PLANAR_ONLY]))
     if name in STRENGTH:
-        return strengthened(draw_nameless(rng, of, world, name), log_uniform(rng, 1.0, 5.0))
+        return strengthened(draw_unmodelled(rng, of, world, name), log_uniform(rng, 1.0, 5.0))
     subsystem, _ = UNNAMED[name]
     u = rng.uniform
     parameters = {
@@ -409,8 +409,8 @@ def draw_outside(rng: np.random.Generator, of: Scale, name: str | None = None, w
     return {"id": name, "side": "both", "subsystem": subsystem, "parameters": parameters}
 
 
-def strengthened(nameless: dict, factor: float) -> dict:
-    """The same nameless effect, `factor` times as strong."""
-    key, sense = STRENGTH[nameless["id"]]
-    value = min(nameless["parameters"][key] * factor**sense, MOST.get(nameless["id"], math.inf))
-    return {**nameless, "parameters": {**nameless["parameters"], key: float(f"{value:.5g}")}}
+def strengthened(unmodelled: dict, factor: float) -> dict:
+    """The same unmodelled effect, `factor` times as strong."""
+    key, sense = STRENGTH[unmodelled["id"]]
+    value = min(unmodelled["parameters"][key] * factor**sense, MOST.get(unmodelled["id"], math.inf))
+    return {**unmodelled, "parameters": {**unmodelled["parameters"], key: float(f"{value:.5g}")}}

@@ -123,11 +123,11 @@ def closure(
     }
 
 
-def _parameters(truth: dict, blamed: dict) -> list[dict]:
+def _parameters(truth: dict, included: dict) -> list[dict]:
     """Error and coverage of each parameter of an effect that was found."""
     out = []
     for name, value in truth["parameters"].items():
-        given = blamed.get("parameters", {}).get(name)
+        given = included.get("parameters", {}).get(name)
         if not isinstance(given, dict) or given.get("value") is None:
             continue
         error = given["value"] - value
@@ -160,7 +160,7 @@ def said_of_residual(answer: dict) -> str | None:
     """Subsystem in which an answer places what it has no name for.
 
     Schema 2 says so (`gap.rest`, or else the largest placed rest of the budget); schema 1 only by the place that it
-    blames most without naming an effect there.
+    attributes most to without naming an effect there.
     """
     rest = (answer.get("gap") or {}).get("rest") or {}
     if rest.get("subsystem"):
@@ -179,31 +179,31 @@ Cause = tuple[str, str]  # an effect's id and its side
 class Named:
     """What an answer names, next to what is there.
 
-    actual : causes that are there. shaped : nearest names of what is there in another form. blamed : causes that are
+    actual : causes that are there. shaped : nearest names of what is there in another form. included : causes that are
     named. sets : declared sets that are small enough and hold a named one.
     """
 
     actual: set[Cause]
     shaped: set[str]
-    blamed: list[Cause]
+    included: list[Cause]
     sets: list[set[Cause]]
 
     @classmethod
     def of(cls, truth: dict, answer: dict) -> Named:
         """Of an opened truth and an answer, which may lack any part."""
-        blamed = [(e["id"], e["side"]) for e in answer.get("effects") or []]
+        included = [(e["id"], e["side"]) for e in answer.get("effects") or []]
         sets = [{(e["id"], e["side"]) for e in group} for group in answer.get("indistinguishable") or []]
         return cls(
             {(e["id"], e["side"]) for e in truth["effects"]},
             {name for form in truth.get("forms", ()) for name in form["names"]},
-            blamed,
-            [group for group in sets if len(group) <= LARGEST_SET and group & set(blamed)],
+            included,
+            [group for group in sets if len(group) <= LARGEST_SET and group & set(included)],
         )
 
     @property
     def reached(self) -> set[Cause]:
         """Causes that are there and are named, or are in a declared set."""
-        return {e for e in self.actual if e in self.blamed or any(e in group for group in self.sets)}
+        return {e for e in self.actual if e in self.included or any(e in group for group in self.sets)}
 
     @property
     def false(self) -> list[Cause]:
@@ -213,7 +213,7 @@ class Named:
         """
         return [
             b
-            for b in self.blamed
+            for b in self.included
             if b not in self.actual
             and b[0] not in self.shaped
             and not any(
@@ -224,7 +224,7 @@ class Named:
     @property
     def said(self) -> set[str]:
         """Ids that are named, or are in a declared set."""
-        return {name for name, _ in self.blamed} | {name for group in self.sets for name, _ in group}
+        return {name for name, _ in self.included} | {name for group in self.sets for name, _ in group}
 
     @property
     def sizes(self) -> list[int]:
@@ -268,12 +268,12 @@ def _asked_and_named(truth: dict, answer: dict, named: Named) -> dict:
     placed, false = said_of_residual(answer), named.false
     return {
         "verdict": answer.get("verdict"),
-        "blamed": [list(b) for b in named.blamed],
+        "included": [list(b) for b in named.included],
         "located": [part["subsystem"] for part in answer.get("located") or []][:3],
         "verdict_right": answer.get("verdict") in (("known", "partial") if rest or forms else (truth["verdict"],)),
         "asked": [[*effect, effect in named.reached] for effect in worth]
         + [[form["id"], form["side"], bool(named.said & set(form["names"]))] for form in forms if form["matters"]],
-        "named": [[*b, b not in false] for b in named.blamed],
+        "named": [[*b, b not in false] for b in named.included],
         "rest": rest and rest["id"],
         "rest_said": placed,
         "rest_right": placed == rest["subsystem"] if rest and rest["gap_without"] >= REST_GAP else None,
@@ -284,21 +284,21 @@ def _asked_and_named(truth: dict, answer: dict, named: Named) -> dict:
 
 def _what_is_right(truth: dict, answer: dict, named: Named) -> dict:
     """Shares that the page counts, each None where the case's kind does not ask for it."""
-    kind, actual, blamed = truth["verdict"], named.actual, named.blamed
+    kind, actual, included = truth["verdict"], named.actual, named.included
     known, reached, false, sizes = kind == "known", named.reached, named.false, named.sizes
     located = [part["subsystem"] for part in answer.get("located") or []]
     subsystems = {e["subsystem"] for e in truth["effects"]}
     if kind == "unknown":
         subsystems.add(truth["outside"]["subsystem"])
     return {
-        "cause_right": (set(blamed) == actual) if known else None,
-        "first_right": (bool(blamed) and blamed[0] in actual) if known else None,
-        "id_right": ({b[0] for b in blamed} == {a[0] for a in actual}) if known else None,
+        "cause_right": (set(included) == actual) if known else None,
+        "first_right": (bool(included) and included[0] in actual) if known else None,
+        "id_right": ({b[0] for b in included} == {a[0] for a in actual}) if known else None,
         "in_set": (len(reached) == len(actual) and not false) if known else None,
-        "any_right": bool(set(blamed) & actual or reached) if known else None,
+        "any_right": bool(set(included) & actual or reached) if known else None,
         "set_size": max(sizes) if known and sizes else None,
         "subsystem_right": (bool(located) and located[0] in subsystems) if kind != "none" else None,
-        "false_cause": bool(blamed) if kind == "none" else None,
+        "false_cause": bool(included) if kind == "none" else None,
         "extra_cause": bool(false) if known else None,
         "unknown_right": (answer.get("verdict") == "unknown") if kind == "unknown" else None,
         "wrongly_unknown": (answer.get("verdict") == "unknown") if kind != "unknown" else None,
@@ -444,7 +444,7 @@ def calibration(records: list[dict], bins: int = 5) -> list[dict]:
 
 
 def confusion(records: list[dict]) -> tuple[list[str], list[str], np.ndarray]:
-    """Rows: what was there (single effects, none, unknown). Columns: what was blamed first.
+    """Rows: what was there (single effects, none, unknown). Columns: what was included first.
 
     Returns
     -------
@@ -457,8 +457,8 @@ def confusion(records: list[dict]) -> tuple[list[str], list[str], np.ndarray]:
             continue
         row = r["truth"][0][0] if r["truth"] else r["kind"]
         column = (
-            r["blamed"][0][0]
-            if r["blamed"] and r["verdict"] != "unknown"
+            r["included"][0][0]
+            if r["included"] and r["verdict"] != "unknown"
             else ("unknown" if r["verdict"] == "unknown" else "none")
         )
         cells[row, column] = cells.get((row, column), 0) + 1
@@ -500,7 +500,7 @@ def draw(records: list[dict], folder: Path) -> None:
         # The columns are what a diagnoser, of whatever make, has named.
         name_ticks(axes.xaxis, columns, rotation=90, fontsize=7)
         name_ticks(axes.yaxis, rows, fontsize=7)
-        axes.set_xlabel("blamed first")
+        axes.set_xlabel("included first")
         axes.set_ylabel("what was there (single effects)")
         save(figure, folder / "confusion.png", dpi=130, metadata={"Software": None})
         plt.close(figure)
@@ -521,7 +521,7 @@ def draw(records: list[dict], folder: Path) -> None:
 
 
 def _write_table(records: list[dict], path: Path) -> None:
-    """One row a case; what was there and what was blamed as text."""
+    """One row a case; what was there and what was included as text."""
     import io
 
     import pyarrow as pa
@@ -546,7 +546,7 @@ def _write_table(records: list[dict], path: Path) -> None:
             )
         }
         row["there"] = ", ".join(f"{i} {s}" for i, s in r["truth"]) or (r["outside"] or "")
-        row["blamed"] = ", ".join(f"{i} {s}" for i, s in r["blamed"])
+        row["included"] = ", ".join(f"{i} {s}" for i, s in r["included"])
         row.update({name: measured.get(name) for name in ("before", "after", "closed")})
         rows.append(row)
     buffer = io.BytesIO()
@@ -742,10 +742,10 @@ def _case_row(r: dict) -> str:
         f"outside: {r['outside']}" if r["outside"] else "nothing"
     )
     there += f"; rest: {r['rest']}" if r["rest"] else ""
-    blamed = ", ".join(f"{i} {s}" for i, s in r["blamed"]) or "nothing"
+    included = ", ".join(f"{i} {s}" for i, s in r["included"]) or "nothing"
     c = r["closure"] or {}
     return (
-        f"| {r['case']} | {r['tier']} | {r['world']} | {there} | {blamed} | {r['verdict'] or 'no answer'} |"
+        f"| {r['case']} | {r['tier']} | {r['world']} | {there} | {included} | {r['verdict'] or 'no answer'} |"
         f" {r['size_sigma'] if r['size_sigma'] is not None else '–'} |"
         f" {'–' if c.get('closed') is None else format(c['closed'], '.2f')} |"
         f" {'–' if r['seconds'] is None else format(r['seconds'], '.0f')} s |"

@@ -1,4 +1,4 @@
-"""Does an answer hang on the declared noise, or on which runs were given? Neither needs a truth.
+"""Does an answer depend on the declared noise, or on which runs were given? Neither needs a truth.
 
 ``python -m rtds_host.blind.steady CASE… --out DIR [--noise 0.333 --noise 3] [--halves]`` lets the diagnoser answer each
 case as it is, with its `[sensors]` multiplied by each factor, and on two disjoint halves of its runs. It prints how

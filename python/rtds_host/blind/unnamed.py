@@ -1,6 +1,6 @@
 """Laws of the planar world that no effect of the catalogue and no signature of the diagnoser has.
 
-They come in two uses. Nameless effects (`vocabulary.UNNAMED`) are one such law at a time. The tier `hard` gives a
+They come in two uses. Unmodelled effects (`vocabulary.UNNAMED`) are one such law at a time. The tier `hard` gives a
 machine many of them at once: measured machines have every part slightly of another form (`hard.py`).
 
 Sources of the forms: contact films of brushes, R. Holm, Electric Contacts (1967); Maxwell-slip elements, W. D. Iwan,

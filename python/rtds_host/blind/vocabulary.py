@@ -79,7 +79,7 @@ OUTSIDE = {
 }
 
 # What the catalogue does not hold either, and what only the rest of a case with several causes is made of.
-NAMELESS = {
+UNMODELLED = {
     "dahl_friction": ("drivetrain", True),
     "cold_grease": ("drivetrain", True),
 }
@@ -109,7 +109,7 @@ FAMILIAR = {
     "current_bend": ("sensing", True),
     "clock_drift": ("timing", False),
 }
-UNNAMED = {**OUTSIDE, **NAMELESS, **FAMILIAR}
+UNNAMED = {**OUTSIDE, **UNMODELLED, **FAMILIAR}
 
 # A wheel that is out of true would lift the other one off the second world's floor; the laws of `unnamed.py` are the
 # planar world's.

@@ -43,17 +43,8 @@ def calibrate(
     check_writable_file(out)
     refuse_inputs([out], [wires])
     options = link_options(link, wires=wires, ad2=ad2, serial=serial)
-    motor = builtin_robot("burger").motor
     with open_link(link, **options) as rig:
-        rig.set_parameters(
-            resistance_ohm=motor.resistance_ohm,
-            inductance_h=motor.inductance_h,
-            torque_constant_nm_per_a=motor.torque_constant_nm_per_a,
-            back_emf_constant_v_s_per_rad=motor.back_emf_constant_v_s_per_rad,
-            rotor_inertia_kg_m2=motor.rotor_inertia_kg_m2,
-            viscous_friction_nm_s_per_rad=motor.viscous_friction_nm_s_per_rad,
-            step_s=1e-5,
-        )
+        rig.set_parameters(*builtin_robot("burger").motor.constants, step_s=1e-5)
         # Both links that come this far have wires.
         measured = measure(cast(Rig, rig), link, points, reads)
     save_paths(out, measured.paths)

@@ -55,7 +55,6 @@ def close(
         ),
     ] = True,
     figure: Annotated[bool, typer.Option(help="Draw close.png.")] = True,
-    seed: Annotated[int, typer.Option(help="Has no effect: a diagnosis uses no random numbers. Kept for scripts.")] = 1,
     jobs: Annotated[int, typer.Option(help="Cores for the diagnosis; 0 = all.", min=0)] = 0,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -93,7 +92,6 @@ def close(
             causes=causes,
             table=table,
             threads=jobs if jobs > 0 else cores(),
-            seed=seed,
             progress=report,
         )
     if as_json:

@@ -53,7 +53,7 @@ def demo(
     for run in import_case(bags, out / "case"):
         if not as_json:
             print(visible(f"{out / 'case' / run.name}: {len(run.imported.columns['t'])} rows"))
-    found = run_one(out / "case", out / "report", quick=True, seed=1, jobs=0, summary=not as_json, quiet=quiet)
+    found = run_one(out / "case", out / "report", quick=True, jobs=0, summary=not as_json, quiet=quiet)
     if as_json:
         answer({"case": out / "case", "report": out / "report" / "report.html", "diagnosis": found[0]})
         return

@@ -26,7 +26,6 @@ def diagnose(
     quick: Annotated[
         bool, typer.Option("--quick", help="A narrower search; the full one takes 1.2 to 1.3 times as long.")
     ] = False,
-    seed: Annotated[int, typer.Option(help="Has no effect: a diagnosis uses no random numbers. Kept for scripts.")] = 1,
     jobs: Annotated[int, typer.Option(help="Cores to use; 0 = all.", min=0)] = 0,
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Hand the cases to this Dask scheduler (tcp://host:8786).")
@@ -70,7 +69,7 @@ def diagnose(
     say_if_first(quiet)
     if len(cases) == 1 and scheduler is None:
         result, details = run_one(
-            cases[0], out, quick=quick, seed=seed, jobs=jobs, summary=not as_json, repeat=repeat, quiet=quiet
+            cases[0], out, quick=quick, jobs=jobs, summary=not as_json, repeat=repeat, quiet=quiet
         )
         if as_json:
             answer({"folder": out, **result})
@@ -96,7 +95,7 @@ def diagnose(
             )
         return
     say = None if as_json else partial(print, flush=True)
-    failed = run_many(cases, out, quick=quick, seed=seed, jobs=jobs, scheduler=scheduler, say=say, quiet=quiet)
+    failed = run_many(cases, out, quick=quick, jobs=jobs, scheduler=scheduler, say=say, quiet=quiet)
     if as_json:
         from pyarrow.parquet import read_table
 

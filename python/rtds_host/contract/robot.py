@@ -53,6 +53,18 @@ class Motor:
     viscous_friction_nm_s_per_rad: float
     gear_ratio: float
 
+    @property
+    def constants(self) -> tuple[float, float, float, float, float, float]:
+        """R, L, Km, Kb, J and B, in the order of `Link.set_parameters`."""
+        return (
+            self.resistance_ohm,
+            self.inductance_h,
+            self.torque_constant_nm_per_a,
+            self.back_emf_constant_v_s_per_rad,
+            self.rotor_inertia_kg_m2,
+            self.viscous_friction_nm_s_per_rad,
+        )
+
 
 @dataclass(frozen=True)
 class Chassis:

@@ -10,7 +10,7 @@ from scipy.linalg import expm
 from rtds_host.contract import Motor
 from rtds_host.control.base import Observation
 
-# Share of a surprise (speed found minus speed foretold) that is taken for a torque and carried on. One would repeat
+# Share of a surprise (speed found minus speed predicted) that is taken for a torque and carried on. One would repeat
 # the last surprise, noise included; a half averages over two or three exchanges and still dies out in ten.
 TRUST = 0.5
 
@@ -50,7 +50,7 @@ class ExactController:
         self._mechanical_s = motor.rotor_inertia_kg_m2 / (motor.viscous_friction_nm_s_per_rad + electrical)
         self._limit = limit_v
         self._steps: dict[float, np.ndarray] = {}
-        self._foretold: np.ndarray | None = None
+        self._predicted: np.ndarray | None = None
         self._missed_nm = np.zeros(2)
         self._gain = 0.0
 
@@ -67,13 +67,13 @@ class ExactController:
     def command(
         self, seen: Observation, now_rad_s: np.ndarray, wanted_rad_s: np.ndarray, interval_s: float
     ) -> np.ndarray:
-        if self._foretold is not None:
-            self._missed_nm = self._missed_nm + TRUST * (seen.speeds_rad_s - self._foretold) / self._gain
+        if self._predicted is not None:
+            self._missed_nm = self._missed_nm + TRUST * (seen.speeds_rad_s - self._predicted) / self._gain
         step = self._step(interval_s)
         torque = seen.torques_nm + self._missed_nm
         free = step[1, 0] * seen.currents_a + step[1, 1] * seen.speeds_rad_s + step[1, 3] * torque
         aim = wanted_rad_s - self._bend_s(interval_s) * (wanted_rad_s - now_rad_s) / interval_s
         volts = np.clip((aim - free) / step[1, 2], -self._limit, self._limit)
-        self._foretold = free + step[1, 2] * volts
+        self._predicted = free + step[1, 2] * volts
         self._gain = step[1, 3]
         return volts

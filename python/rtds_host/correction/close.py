@@ -31,8 +31,8 @@ FINE_STEP_S = 5e-5
 # What is varied, one at a time, to say where simulator and replay differ.
 VARIATIONS: tuple[tuple[str, str, dict], ...] = (
     ("torques exchanged each 32 ms, predicted", "exchange interval", {"exchange_steps": 32}),
-    ("torques exchanged each 32 ms, one exchange late", "exchange interval", {"exchange_steps": 32, "foretell": False}),
-    ("torques exchanged each 1 ms, one exchange late", "exchange interval", {"foretell": False}),
+    ("torques exchanged each 32 ms, one exchange late", "exchange interval", {"exchange_steps": 32, "predict": False}),
+    ("torques exchanged each 1 ms, one exchange late", "exchange interval", {"predict": False}),
     ("the other physics engine", "contact solver", {"engine": None}),
     ("motor units at half their step", "step of the motor units", {"step_s": None}),
     ("12-bit converters on all wires", "link quantisation", {"converters": True}),
@@ -107,7 +107,6 @@ def close(
     table: bool = False,
     remainder: Remainder | None = None,
     threads: int = 2,
-    seed: int = 1,
     progress: Progress | None = None,
 ) -> Result:
     """Diagnose a case, or take its diagnosis, and replay held-out runs in the real simulator.
@@ -140,7 +139,6 @@ def close(
             fitted,
             quick=quick,
             threads=threads,
-            seed=seed,
             progress=lambda stage, share: say(f"diagnosis: {stage}", 0.5 * share),
         )
     else:
@@ -160,11 +158,11 @@ def close(
 
     runs = []
     for k, log in enumerate(logs):
-        run, told_of = _driven(
+        run, notes_on_them = _driven(
             log, robot, model, setting, inputs[log.name], change, say, (0.5 + 0.5 * k / len(logs), 0.5 / len(logs))
         )
         runs.append(run)
-        notes += [note for note in told_of if note not in notes]
+        notes += [note for note in notes_on_them if note not in notes]
     content = _content(case, setting, diagnosis, names, runs)
     if remainder is not None:
         content["table"] = remainder.to_json()
@@ -252,7 +250,7 @@ def _content(case: Case, setting: Setting, diagnosis: dict, names: tuple[str, ..
             "link": setting.link,
             "engine": setting.engine,
             "exchange_s": setting.exchange_steps * 1e-3,
-            "foretold": setting.foretell,
+            "predicted": setting.predict,
             "step_s": setting.step_s,
         },
         "gap": {**gap, "share_of_replays_closure": _round(share), "channels": channels},

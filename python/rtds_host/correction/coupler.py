@@ -20,7 +20,7 @@ from rtds_host.robot.urdf import yaw_inertia_kg_m2
 
 # Step of the layer between motor and engine, and between two looks at the motors.
 LAYER_S = 1e-4
-_FORETOLD = np.full(2, layer.FORETOLD)
+_PREDICTED = np.full(2, layer.PREDICTED)
 # Of the no-load speed: no wheel on the ground gets there.
 RUNAWAY = 10.0
 # A voltage held over part of an exchange.
@@ -61,12 +61,11 @@ class Coupler:
     link, engine : parameters and effects set, robot at rest.
     correction : what differs from the nominal robot; None: nothing.
     exchange_steps : engine steps between two exchanges of torques.
-    foretell : give the motors the torque of the coming exchange, foretold; without it, that of the one before.
+    predict : give the motors the torque of the coming exchange, predicted; without it, that of the one before.
     reflected_kg_m2 : without a correction, the inertia at each wheel that the link's motors carry for the body next to
-    their
-        rotor (`rtds_host.robot.split`); a correction says so itself.
+        their rotor (`rtds_host.robot.split`); a correction says so itself.
 
-    `reflected` (2,) kg m²: what they carry. `gained` (2,) rad/s²: mean change of the rotors' speeds over the last
+    `reflected` (2,) kg m²: what they carry. `acceleration` (2,) rad/s²: of the rotors, mean over the last
     exchange. `sent` (2,) float32 N m at the shaft: torques of the last exchange; `load` (2,) N m: what the wheels took.
     `in_force` (2,) V: commands that act at its end, `now` s. `after_step` is called after each engine step.
     """
@@ -79,11 +78,11 @@ class Coupler:
         engine: Engine,
         correction: Correction | None = None,
         exchange_steps: int = 1,
-        foretell: bool = True,
+        predict: bool = True,
         reflected_kg_m2: float = 0.0,
     ):
         self.link, self.engine = link, engine
-        self.exchange_steps, self.foretell = exchange_steps, foretell
+        self.exchange_steps, self.predict = exchange_steps, predict
         self.gear = robot.motor.gear_ratio
         self.supply_v = robot.supply_v
         gears = correction.gears if correction else (None, None)
@@ -124,7 +123,7 @@ class Coupler:
                     for k, m in enumerate(correction.loaded_motors)
                 ]
             )
-        self.gained = np.zeros(2)
+        self.acceleration = np.zeros(2)
         self.runaway = RUNAWAY * robot.supply_v / (self.gear * robot.motor.back_emf_constant_v_s_per_rad)
         self.state = np.zeros((2, 6))
         self.contact = layer.start_contact(self.side)
@@ -134,7 +133,7 @@ class Coupler:
         self.offset_v = np.zeros(2)
         self.disturbance = np.zeros(2)
         self.external = engine.hold()
-        self.owed = np.zeros(2)
+        self.shortfall = np.zeros(2)
         self.load = self.external.copy()
         self.sent = np.zeros(2, np.float32)
         self.after_step: Callable[[], None] | None = None
@@ -210,60 +209,44 @@ class Coupler:
             pieces = [(self.formed.sent(asked, acting.volts), seconds) for asked, seconds in pieces]
         self.acting = acting
         scrub, outside = self.scrub + acting.scrub, self.external + acting.against
-        if self.foretell:
+        if self.predict:
             known = np.clip(volts + self.offset_v, -1e4, 1e4)
-            # A driven rotor is where it ought to be; a given one will be what the owed torque makes of it.
-            brake = self.disturbance - acting.drive + np.where(self.known == layer.DRIVEN, 0.0, self.owed)
+            # A driven rotor is where it ought to be; a given one will be what the shortfall torque makes of it.
+            brake = self.disturbance - acting.drive + np.where(self.known == layer.DRIVEN, 0.0, self.shortfall)
             state = self.state.copy()
-            # A given rotor's speed is found to rounding; one that friction holds must be seen to stand, or what is owed
-            # to it is counted as moving a rotor that is light against the body.
+            # A given rotor's speed is known to rounding. One that friction holds must be exactly at rest, or the
+            # shortfall is counted as moving a rotor that is light compared with the body.
             state[(self.reflected > 0.0) & (self.speed == 0.0), layer.ROTOR] = 0.0
-            torque, spin = layer.roll(
-                LAYER_S,
-                _FORETOLD,
-                known,
-                self.rotor,
-                self.current,
-                known,
-                brake,
-                state,
-                self.contact.copy(),
-                self.side,
-                self.wheel_j,
-                self.ground,
-                self.lever,
-                scrub,
-                0.0,
-                self.grip,
-                outside,
+            torque, spin = self._integrate(
+                _PREDICTED, known, known, brake, state, self.contact.copy(), scrub, 0.0, outside
             )
-            load = torque + self.owed
-            gain = (state[:, layer.ROTOR] - self.speed) / total_s
+            load = torque + self.shortfall
+            expected = (state[:, layer.ROTOR] - self.speed) / total_s
         else:
-            torque, load, gain = self.load, self.load, self.gained
+            torque, load, expected = self.load, self.load, self.acceleration
             rate = float(self.lever @ self.state[:, layer.GROUND])
             spin = max(-1.0, min(1.0, rate / 0.02))
         if self.reflected.any():
-            load = load - self.reflected * gain
+            load = load - self.reflected * expected
         sent = ((load - acting.drive) / self.gear).astype(np.float32)
         self.sent = sent
         before = self.speed
         motion = self._exchange(pieces, sent)
         acted = sent.astype(float) * self.gear
-        self.gained = (motion.speeds[-1] - before) / total_s
+        self.acceleration = (motion.speeds[-1] - before) / total_s
         if self.reflected.any():
             if np.abs(motion.speeds[-1]).max() > self.runaway:
                 raise InputError(
                     f"the wheels have lost the ground at {self.now:.3f} s: so hard a start, or stop, lifts the robot"
                     " off its wheels; ask for less voltage at once"
                 )
-            acted = acted + self.reflected * self.gained
+            acted = acted + self.reflected * self.acceleration
         self._observe(motion, volts, acted, total_s)
         happened = self._follow(motion, steps, spin, acted + acting.drive, scrub)
-        if self.foretell:
+        if self.predict:
             behind = self.rotor[:, layer.INERTIA] * (self.speed - self.state[:, layer.ROTOR]) / total_s
-            foretold = torque + self.reflected * (self.gained - gain) if self.reflected.any() else torque
-            self.owed = np.where(self.known == layer.DRIVEN, behind, happened - foretold)
+            predicted = torque + self.reflected * (self.acceleration - expected) if self.reflected.any() else torque
+            self.shortfall = np.where(self.known == layer.DRIVEN, behind, happened - predicted)
         self.load = happened
         return motion
 
@@ -278,11 +261,26 @@ class Coupler:
         place = pose.x_m, pose.y_m, pose.yaw_rad
         return self.formed.at(begun, seconds, self.rotor, self.state, amps, self.in_force, place)
 
-    def load_of(self, rise: np.ndarray) -> np.ndarray:
-        """Torques (2,) N m that the wheels take while their speeds change by `rise` (2,) rad/s², nothing giving
-        between.
-        """
-        return self.external + self.acting.against + self.inertia @ rise + self.wheel_j * rise
+    def load_of(self, acceleration: np.ndarray) -> np.ndarray:
+        """Torques (2,) N m that the wheels take at an `acceleration` (2,) rad/s² behind a rigid gear."""
+        return self.external + self.acting.against + self.inertia @ acceleration + self.wheel_j * acceleration
+
+    def _integrate(
+        self,
+        known: np.ndarray,
+        given: np.ndarray,
+        volts: np.ndarray,
+        brake: np.ndarray,
+        state: np.ndarray,
+        contact: np.ndarray,
+        scrub: float,
+        spin: float,
+        outside: np.ndarray,
+    ) -> tuple[np.ndarray, float]:
+        """`layer.integrate` with this robot: changes `state` and `contact`."""
+        moving = self.rotor, self.current, volts, brake, state, contact, self.side
+        fixed = self.wheel_j, self.ground, self.lever
+        return layer.integrate(LAYER_S, known, given, *moving, *fixed, scrub, spin, self.grip, outside)
 
     def _exchange(self, pieces: list[Piece], sent: np.ndarray) -> Motion:
         times, speeds, currents = [], [], []
@@ -341,7 +339,7 @@ class Coupler:
         for k in range(2):
             # A rotor that dry friction holds takes any blow without moving.
             held = before[k] == 0.0 and end[k] == 0.0
-            self.known[k] = layer.DRIVEN if self.elastic[k] and not held and self.foretell else layer.GIVEN
+            self.known[k] = layer.DRIVEN if self.elastic[k] and not held and self.predict else layer.GIVEN
             if self.known[k] == layer.DRIVEN:
                 gained = np.diff(given[:, k], prepend=before[k])
                 given[:, k] = self.rotor[k, layer.INERTIA] * gained + LAYER_S * sent[k]
@@ -349,32 +347,17 @@ class Coupler:
             t = np.concatenate([[0.0], motion.t_s])
             self.formed.turn(np.diff(t)[:, None], np.vstack([before, motion.speeds]))
         self.speed = end.copy()
-        total = np.zeros(2)
+        total, no_volts = np.zeros(2), np.zeros((per, 2))
         for k in range(steps):
             before = self.state[:, layer.GROUND].copy()
-            torque, _ = layer.roll(
-                LAYER_S,
-                self.known,
-                given[k * per : (k + 1) * per],
-                self.rotor,
-                self.current,
-                np.zeros((per, 2)),
-                self.disturbance,
-                self.state,
-                self.contact,
-                self.side,
-                self.wheel_j,
-                self.ground,
-                self.lever,
-                scrub,
-                spin,
-                self.grip,
-                self.external + self.acting.against,
+            rows, outside = given[k * per : (k + 1) * per], self.external + self.acting.against
+            torque, _ = self._integrate(
+                self.known, rows, no_volts, self.disturbance, self.state, self.contact, scrub, spin, outside
             )
             now = self.state[:, layer.GROUND]
             answer = self.engine.advance(now[None, :])
-            gained = (now - before) / STEP_S
-            external = answer - self.inertia @ gained - self.wheel_j * gained
+            rate = (now - before) / STEP_S
+            external = answer - self.inertia @ rate - self.wheel_j * rate
             total += torque + external - self.external
             self.external = external
             if self.after_step is not None:

@@ -80,8 +80,8 @@ class Formed:
 
         Parameters
         ----------
-        now, seconds : s, its start and length. rotor, state : as of `layer.roll`, at its start. currents : (2,) A, the
-        expected mean over it. asked : (2,) V, commands in force. place : x m, y m, yaw rad.
+        now, seconds : s, its start and length. rotor, state : as of `layer.integrate`, at its start. currents : (2,) A,
+        the expected mean over it. asked : (2,) V, commands in force. place : x m, y m, yaw rad.
         """
         if not self.any:
             return NOTHING

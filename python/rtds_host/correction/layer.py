@@ -5,9 +5,9 @@ against the yaw rate have no place in it, and fed back an exchange late they wou
 the wheels and the body as the engine has them: its inertia at the wheels M is known, and what else it answered with
 (the slope's pull, the centre of mass's) is E = torque - M acceleration, which changes slowly.
 
-The same kernel is used twice an exchange. *Before*, with the motors' equations next to it, it foretells the mean torque
+The same kernel is used twice an exchange. *Before*, with the motors' equations next to it, it predicts the mean torque
 that will load each motor, so that a motor unit hears of its load in the exchange it acts in. *After*, with what the
-rotors did as the link gave it, it finds what the wheels did. What was foretold wrongly is made good in the next
+rotors did as the link gave it, it finds what the wheels did. What was predicted wrongly is made good in the next
 exchange: no angular momentum is lost. A rotor behind a rigid gear is taken at its word; one behind a spring or in
 free play gets, here, each blow when it falls, while the link gets the mean of an exchange and catches up.
 
@@ -34,7 +34,7 @@ INERTIA, VISCOUS, KM, KB, RESISTANCE, INDUCTANCE, LEVEL_F, LEVEL_B = range(8)
 ROTOR, WHEEL, GROUND, PLAY, TYRE, WHOLE = range(6)
 
 # What is known of a rotor: nothing but its motor's equations, its speed, or the impulse that drives it.
-FORETOLD, GIVEN, DRIVEN = 0, 1, 2
+PREDICTED, GIVEN, DRIVEN = 0, 1, 2
 # Inertia of a rotor whose speed is given: nothing can change it.
 _IMMOVABLE = 1e6
 
@@ -52,7 +52,7 @@ def start_contact(side):
 
 
 @loop
-def roll(
+def integrate(
     h,
     known,
     given,
@@ -75,13 +75,13 @@ def roll(
 
     Parameters
     ----------
-    known : (2,) FORETOLD, GIVEN or DRIVEN; both sides are foretold, or neither.
+    known : (2,) PREDICTED, GIVEN or DRIVEN; both sides are predicted, or neither.
     given : (n, 2) for each step, speed rad/s at its end (GIVEN) or impulse N m s over it (DRIVEN).
     rotor : (2, 8) columns above; current (2,) A, volts (n, 2) V and disturbance (2,) N m, which brakes, for rotors
-        foretold.
+        predicted.
     state : (2, 6), contact : (2,), both changed in place. side : (2, 8). wheel_j : kg m², a wheel's own.
     inverse : (2, 2) of the body's inertia, wheels left out. lever : (2,) change of the yaw rate with u.
-    scrub : N m against the yaw rate. spin : share of it that acts, -1 to 1, where rotors are not foretold (else found).
+    scrub : N m against the yaw rate. spin : share of it that acts, -1 to 1, given unless rotors are predicted.
     grip : (2,) N m, what the torque of a slipping tyre tends to. external : (2,) N m that load the wheels.
 
     Returns
@@ -89,7 +89,7 @@ def roll(
     mean torque (2,) N m that the gears delivered to the wheels, and the mean share of the scrub that acted.
     """
     n = volts.shape[0]
-    foretold = known[0] == FORETOLD
+    predicted = known[0] == PREDICTED
     total = np.zeros(2)
     acted = 0.0
     w, wr, old_w, old_r = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
@@ -147,7 +147,7 @@ def roll(
         u0, u1 = state[0, GROUND], state[1, GROUND]
         rate = lever[0] * u0 + lever[1] * u1
         way = spin
-        if scrub != 0.0 and foretold:
+        if scrub != 0.0 and predicted:
             way = friction.direction(rate)
         q = way * h * scrub
         for attempt in range(20):
@@ -197,7 +197,7 @@ def roll(
                 n0 = u0 + ground.rim_moves(h, g00, g01, f[0] - e0, f[1] - e1) - gl0 * q
                 n1 = u1 + ground.rim_moves(h, g01, g11, f[0] - e0, f[1] - e1) - gl1 * q
                 new_rate = lever[0] * n0 + lever[1] * n1
-                if not foretold or scrub == 0.0 or again_scrub == 1 or way * new_rate > 0.0:
+                if not predicted or scrub == 0.0 or again_scrub == 1 or way * new_rate > 0.0:
                     break
                 # The scrub would turn the robot back: the impulse that just stops it, within its bound.
                 f0, f1 = (a11 * gl0 - a01 * gl1) / det, (a00 * gl1 - a01 * gl0) / det
@@ -245,7 +245,7 @@ def roll(
                 break
         for k in range(2):
             total[k] += wheel_j * (w[k] - old_w[k]) / h + f[k]
-            if foretold:
+            if predicted:
                 electric = rotor[k, RESISTANCE] + rotor[k, INDUCTANCE] / h
                 amps[k] = (volts[step, k] + rotor[k, INDUCTANCE] / h * amps[k] - rotor[k, KB] * wr[k]) / electric
             if contact[k] == gear.SPRING:

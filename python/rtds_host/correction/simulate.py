@@ -21,20 +21,20 @@ from rtds_host.link.quantised import QuantisedLink
 from rtds_host.plant.compiled import loop
 from rtds_host.plant.schema import OUTPUTS
 from rtds_host.plant.sensors import low_pass
-from rtds_host.robot import STEP_S, Body, default_engine, make_body, open_engine
+from rtds_host.robot import STEP_S, default_engine, make_body, open_engine
 
 
 @dataclass(frozen=True)
 class Setting:
     """How the simulator is put together: link and its options, physics engine, time between two exchanges of torques
-    (engine steps), whether the coming exchange's torque is foretold, the motor units' step, s, and whether 12-bit
+    (engine steps), whether the coming exchange's torque is predicted, the motor units' step, s, and whether 12-bit
     converters stand on all wires."""
 
     link: str = "model"
     link_options: dict = field(default_factory=dict)
     engine: str = field(default_factory=default_engine)
     exchange_steps: int = 1
-    foretell: bool = True
+    predict: bool = True
     step_s: float = 1e-5
     converters: bool = False
 
@@ -69,16 +69,8 @@ def set_link(link: Link, robot: Robot, correction: Correction | None, setting: S
     ------
     InputError : the link cannot hold them. LinkError : no answer.
     """
-    m = robot.motor
-    (QuantisedLink(link) if setting.converters else link).set_parameters(
-        resistance_ohm=m.resistance_ohm,
-        inductance_h=m.inductance_h,
-        torque_constant_nm_per_a=m.torque_constant_nm_per_a,
-        back_emf_constant_v_s_per_rad=m.back_emf_constant_v_s_per_rad,
-        rotor_inertia_kg_m2=m.rotor_inertia_kg_m2,
-        viscous_friction_nm_s_per_rad=m.viscous_friction_nm_s_per_rad,
-        step_s=setting.step_s,
-    )
+    wired = QuantisedLink(link) if setting.converters else link
+    wired.set_parameters(*robot.motor.constants, step_s=setting.step_s)
     if correction is not None:
         set_effects(link, correction)
 
@@ -132,8 +124,8 @@ def simulate(
         if setting.converters:
             link = QuantisedLink(link)
         with open_engine(setting.engine, body, (float(start[0]), float(start[1]), float(start[2]))) as engine:
-            replay = _Replay(t - t[0], clipped, clipped * scale[:, None], correction, setting, robot, body)
-            coupler = Coupler(robot, body, link, engine, correction, setting.exchange_steps, setting.foretell)
+            replay = _Replay(t - t[0], clipped, clipped * scale[:, None], correction, setting, robot)
+            coupler = Coupler(robot, body, link, engine, correction, setting.exchange_steps, setting.predict)
             replay.drive(coupler, engine, progress)
     return Simulated(replay.reported(start), tuple(notes))
 
@@ -149,7 +141,6 @@ class _Replay:
         correction: Correction | None,
         setting: Setting,
         robot: Robot,
-        body: Body,
     ):
         self.step_s, self.setting, self.robot, self.correction = setting.step_s, setting, robot, correction
         self.rows = np.round(t / self.step_s).astype(np.int64)

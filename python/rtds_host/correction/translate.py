@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -71,7 +73,11 @@ class _Parameters:
     def pair(self, name: str) -> tuple[float, float]:
         return self(name, 0), self(name, 1)
 
-    def named(self, kind: type, side: int = 0) -> dict[str, float]:
+    def pairs(self) -> dict[str, Any]:
+        """What `SensorValues` holds as pairs, left and right, by its names."""
+        return {at: self.pair(name) for at, name in _PAIRS.items()}
+
+    def named(self, kind: type, side: int = 0) -> dict[str, Any]:
         """Arguments of a dataclass by the names that the schema exports parameters under."""
         there = {entry.export: name for name, entry in (SIDE | COMMON).items()}
         return {f.name: self(there[f.name], side) for f in fields(kind) if f.name in there and f.name not in _PAIRS}
@@ -125,14 +131,11 @@ def translate(
     gears = GearValues(**get.named(GearValues, 0)), GearValues(**get.named(GearValues, 1))
     sensors = SensorValues(
         **get.named(SensorValues),
-        speed_gain=get.pair("speed_gain"),
-        current_gain=get.pair("current_gain"),
-        current_bias_a=get.pair("current_bias"),
-        speed_filter_s=get.pair("speed_tau"),
-        speed_delay_s=get.pair("speed_delay"),
+        **get.pairs(),
         delay_s=get("measurement_delay") + get("latency"),
         forms=np.stack([one.sensors for one in placed]),
     )
+    loaded = partial(_loaded_motor, body=body, payload_kg=payload_kg, robot=robot)
     correction = Correction(
         units=(left, right),
         supply=supply,
@@ -141,10 +144,7 @@ def translate(
         scrub_nm=get("scrub"),
         sensors=sensors,
         bus_measured=get("bus_measured") > 0,
-        loaded_motors=(
-            _loaded_motor(left, gears[0], body, payload_kg, robot),
-            _loaded_motor(right, gears[1], body, payload_kg, robot),
-        ),
+        loaded_motors=(loaded(left, gears[0]), loaded(right, gears[1])),
         forms=np.stack([one.between for one in placed]),
         start_angles=start_angles,
     )
@@ -164,7 +164,7 @@ def _loaded_motor(
     InputError : friction that grows with the load, where the unit would see a part of the load only.
     """
     n = robot.motor.gear_ratio
-    own = unit.motor or MotorParameters(**{f.name: getattr(robot.motor, f.name) for f in fields(MotorParameters)})
+    own = unit.motor or MotorParameters(*robot.motor.constants)
     reflected = share(body.at_wheels(payload_kg), n * n * own.rotor_inertia_kg_m2).reflected_kg_m2
     if reflected == 0.0 or gear.stiffness_nm_per_rad or gear.backlash_rad:
         return None
@@ -312,7 +312,6 @@ def _sum(one: Curve | None, other: Curve) -> Curve:
 
 
 def _motor(get: _Parameters, k: int, robot: Robot, n: float) -> MotorParameters | None:
-    m = robot.motor
     own = (
         get("resistance", k),
         get("inductance", k),
@@ -321,15 +320,7 @@ def _motor(get: _Parameters, k: int, robot: Robot, n: float) -> MotorParameters 
         get("rotor_inertia", k),
         get("viscous", k) + get("viscous_wheel", k) / n**2,
     )
-    nominal = (
-        m.resistance_ohm,
-        m.inductance_h,
-        m.torque_constant_nm_per_a,
-        m.back_emf_constant_v_s_per_rad,
-        m.rotor_inertia_kg_m2,
-        m.viscous_friction_nm_s_per_rad,
-    )
-    if own == nominal:
+    if own == robot.motor.constants:
         return None
     # A unit's friction is above zero; a billionth of a typical one is none.
     return MotorParameters(*own[:5], max(own[5], 1e-16))

@@ -56,9 +56,9 @@ class Account:
     """The effects that stand, in the fit that holds just these, and those that cannot be told from them.
 
     base : nuisances refitted, no effect; dropped : (effect, side) -> why it was in the most probable explanation and
-    does not stand; alike : sets, each holding a blamed one first; alternatives : other explanations and how likely each
-    is next to the first, best first; shares : of each blamed effect that has look-alikes, its share of their common
-    probability, by prior.
+    is not included; alike : sets, each holding an included one first; alternatives : other explanations and how likely
+    each is compared with the first, best first; shares : of each included effect with indistinguishable ones, its share
+    of their common probability, by prior.
     """
 
     fit: Fit
@@ -127,7 +127,7 @@ def _accounted(search: Search, fit: Fit, dropped: dict[tuple[str, str], str]) ->
 
 
 def _base(store: Store) -> Fit:
-    """No effect: the nuisances refitted, or as declared where that foretells runs left out better."""
+    """No effect: the nuisances refitted, or as declared where that predicts runs left out better."""
     problem, fit = store.problem, store.refitted()
     return min((fit, declared(problem, fit)), key=lambda one: left_out_gap(problem, one))
 

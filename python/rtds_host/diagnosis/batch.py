@@ -37,8 +37,8 @@ SHARED = ("cases.parquet", "index.html")
 # Layout: bytes of a case's name; with what is put before and behind it while a file is written, 255 are possible.
 LONGEST_NAME = 235
 
-# (case, quick, seed, threads) -> (content of diagnosis.json, report.html, seconds)
-Explain = Callable[[Case, bool, int, int], tuple[dict, str, float]]
+# (case, quick, threads) -> (content of diagnosis.json, report.html, seconds)
+Explain = Callable[[Case, bool, int], tuple[dict, str, float]]
 
 
 def refuse_case(case: Path, out: Path) -> None:
@@ -66,9 +66,7 @@ def write_result(out: Path, result: dict, page: str, case: Path | None = None, q
 # ---- one case --------------------------------------------------------------------------------------------------------
 
 
-def write_diagnosis(
-    folder: Path, out: Path, quick: bool, seed: int, threads: int, progress=None, repeat: bool = False
-) -> tuple:
+def write_diagnosis(folder: Path, out: Path, quick: bool, threads: int, progress=None, repeat: bool = False) -> tuple:
     """Diagnose one case folder and write both files, together or not at all. Returns (diagnosis, details).
 
     repeat : say in the report, too, on how many halves of the data each effect was found again.
@@ -76,7 +74,7 @@ def write_diagnosis(
     keep_freed()
     refuse_case(folder, out)
     case = read_writable_case(folder)
-    result, details = diagnose(case, quick=quick, threads=threads, seed=seed, progress=progress)
+    result, details = diagnose(case, quick=quick, threads=threads, progress=progress)
     validate(result)
     if repeat:
         details.repeats = repeats(case, result, threads, progress or (lambda *_: None))
@@ -88,7 +86,6 @@ def run_one(
     folder: Path,
     out: Path,
     quick: bool = False,
-    seed: int = 1,
     jobs: int = 0,
     summary: bool = True,
     repeat: bool = False,
@@ -98,7 +95,7 @@ def run_one(
     (diagnosis, details).
     """
     with stages(quiet) as report:
-        result, details = write_diagnosis(folder, out, quick, seed, jobs if jobs > 0 else cores(), report, repeat)
+        result, details = write_diagnosis(folder, out, quick, jobs if jobs > 0 else cores(), report, repeat)
     if summary:
         print_summary(Console(), result, details)
     return result, details
@@ -107,10 +104,10 @@ def run_one(
 # ---- many cases ------------------------------------------------------------------------------------------------------
 
 
-def explain(case: Case, quick: bool, seed: int, threads: int) -> tuple[dict, str, float]:
+def explain(case: Case, quick: bool, threads: int) -> tuple[dict, str, float]:
     """A case's diagnosis and report; runs in a process of its own, here or on a cluster, and writes nothing."""
     keep_freed()
-    result, details = diagnose(case, quick=quick, threads=threads, seed=seed)
+    result, details = diagnose(case, quick=quick, threads=threads)
     validate(result)
     return result, report_page(result, details), given(details.seconds, "the time it took")
 
@@ -121,8 +118,8 @@ def name_of(folder: Path) -> str:
     return os.path.basename(os.path.realpath(folder))
 
 
-def _explain_folder(work: Explain, folder: str, quick: bool, seed: int, threads: int) -> tuple[dict, str, float]:
-    return work(read_writable_case(Path(folder)), quick, seed, threads)
+def _explain_folder(work: Explain, folder: str, quick: bool, threads: int) -> tuple[dict, str, float]:
+    return work(read_writable_case(Path(folder)), quick, threads)
 
 
 def fingerprint(folder: Path, quick: bool) -> str:
@@ -258,18 +255,18 @@ def _bar(quiet: bool) -> Progress:
 
 
 def _outcomes(
-    work: Explain, todo: Mapping[str, Path], quick: bool, seed: int, jobs: int, scheduler: str | None
+    work: Explain, todo: Mapping[str, Path], quick: bool, jobs: int, scheduler: str | None
 ) -> Generator[Outcome, None, None]:
     """Outcomes of the cases as they come, here or from a cluster."""
     if scheduler is not None:
 
         def loaded(case: Path) -> tuple:
-            return read_writable_case(case), quick, seed, 1
+            return read_writable_case(case), quick, 1
 
         return on_cluster(work, {name: partial(loaded, case) for name, case in todo.items()}, scheduler)
     processes = jobs if jobs > 0 else cores()
     threads = max(1, processes // max(1, len(todo)))
-    arguments = {name: (work, str(case), quick, seed, threads) for name, case in todo.items()}
+    arguments = {name: (work, str(case), quick, threads) for name, case in todo.items()}
     return on_cores(_explain_folder, arguments, processes)
 
 
@@ -277,7 +274,6 @@ def run_many(
     cases: list[Path],
     out: Path,
     quick: bool = False,
-    seed: int = 1,
     jobs: int = 0,
     scheduler: str | None = None,
     work: Explain = explain,
@@ -323,7 +319,7 @@ def run_many(
         todo = {name: case for name, case in by_name.items() if name not in rows}
         if done:
             say(f"{len(done)} of {len(by_name)} cases are done already")
-        outcomes = _outcomes(work, todo, quick, seed, jobs, scheduler)
+        outcomes = _outcomes(work, todo, quick, jobs, scheduler)
         with closing(outcomes), _bar(quiet) as bar:
             task = bar.add_task("", total=len(by_name), completed=len(rows))
             for outcome in outcomes if todo else ():
@@ -335,8 +331,8 @@ def run_many(
                         # The place may take the next one: a full disk is emptied, a folder in the way is one case's.
                         error = str(refused)
                 if error is None:
-                    blamed = ", ".join(f"{e} ({s})" for e, s in zip(rows[name]["effects"], rows[name]["sides"]))
-                    say(visible(f"{name}: {rows[name]['verdict']}" + (f": {blamed}" if blamed else "")))
+                    included = ", ".join(f"{e} ({s})" for e, s in zip(rows[name]["effects"], rows[name]["sides"]))
+                    say(visible(f"{name}: {rows[name]['verdict']}" + (f": {included}" if included else "")))
                 else:
                     results.drop(name)
                     rows[name] = row_of(name, None, None, visible(error))

@@ -88,7 +88,7 @@ def shares(problem: Problem, fit: Fit, after: float, place: Localisation) -> lis
 
 
 def located(problem: Problem, rows: list[dict]) -> list[dict]:
-    """The contract's `located`: each subsystem's share of what is blamed and of the placed residual, largest first."""
+    """The contract's `located`: each subsystem's share of included effects and of the residual, largest first."""
     found: dict[str, float] = {}
     for row in rows:
         place = problem.effects[row["id"]].subsystem if row["what"] == "effect" else row.get("subsystem")

@@ -5,8 +5,8 @@ out (contract, section 5: what does not help there is not included, however like
 squared gap less that of noise, f being 1 where the noise is as declared. It is taken over all channels at once, and as
 the geometric mean over channels, so that an effect that one quiet channel shows is not lost next to a loud one.
 
-f is measured (`sample_noise`), so that the choice does not hang on the noise that a file declares: declared three times
-too small, white noise would count as unexplained, and each effect would seem to leave more than it does.
+f is measured (`sample_noise`), so that the choice does not depend on the noise that a file declares: declared three
+times too small, white noise would count as unexplained, and each effect would seem to leave more than it does.
 
 An axis is judged over two horizons, whole runs and pieces that start from the measured state, by the geometric mean of
 what is left over both. Over a whole run slow effects add up, but where the motion is unstable, as near an upright
@@ -22,7 +22,7 @@ from functools import cached_property
 
 from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.fit import Fit
-from rtds_host.diagnosis.left_out import Errors, foretold, over_pieces, over_runs
+from rtds_host.diagnosis.left_out import Errors, over_pieces, over_runs, predicted
 from rtds_host.diagnosis.problem import Problem
 
 # What an effect leaves at most of the squared gap on runs left out. A judgement, set with open cases at hand.
@@ -45,7 +45,7 @@ class Judged:
 
     @classmethod
     def of(cls, problem: Problem, fit: Fit) -> Judged:
-        parts = foretold(problem, fit)
+        parts = predicted(problem, fit)
         return cls(fit, problem, tuple(filter(None, (over_runs(problem, parts), over_pieces(problem, parts)))))
 
     @cached_property

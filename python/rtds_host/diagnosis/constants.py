@@ -110,7 +110,7 @@ def kind(reason: str) -> str:
     return found or ("contract" if re.search(r"\(contract[,:]", reason) else "judgement")
 
 
-def by_room(rows: list[tuple[str, str, str, str]]) -> dict[str, list[tuple[str, str, str, str]]]:
+def by_folder(rows: list[tuple[str, str, str, str]]) -> dict[str, list[tuple[str, str, str, str]]]:
     """The rows by folder, those of the search and next to the folders as the search and its account."""
     found: dict[str, list[tuple[str, str, str, str]]] = {}
     for row in rows:
@@ -120,19 +120,19 @@ def by_room(rows: list[tuple[str, str, str, str]]) -> dict[str, list[tuple[str, 
 
 
 def main() -> None:
-    """Print the table, what each room has of each kind, and how many there are that steer an answer and nobody gave."""
+    """Print the table, how many each folder has of each kind, and how many are set by hand and affect an answer."""
     rows = constants(Path(__file__).parent)
     print("| module | constant | value | kind | reason |\n|---|---|---|---|---|")
     for row in rows:
         print("| " + " | ".join(cell.replace("|", "\\|") for cell in (*row[:3], kind(row[3]), row[3])) + " |")
     print(
-        f"\n| room | constants | {' | '.join(KINDS)} | beyond numerical, contract and layout"
+        f"\n| folder | constants | {' | '.join(KINDS)} | beyond numerical, contract and layout"
         f" |\n|---|{'---|' * (len(KINDS) + 2)}"
     )
-    for room, mine in {**by_room(rows), "all": rows}.items():
+    for folder, mine in {**by_folder(rows), "all": rows}.items():
         counts = [sum(kind(row[3]) == which for row in mine) for which in KINDS]
         beyond = sum(count for which, count in zip(KINDS, counts) if which in ("physical", "probability", "judgement"))
-        print(f"| {room} | {len(mine)} | {' | '.join(map(str, counts))} | {beyond} |")
+        print(f"| {folder} | {len(mine)} | {' | '.join(map(str, counts))} | {beyond} |")
 
 
 if __name__ == "__main__":

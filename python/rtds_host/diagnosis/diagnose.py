@@ -51,7 +51,6 @@ def diagnose(
     case: Case,
     quick: bool = False,
     threads: int = 2,
-    seed: int = 1,
     progress: Callable[[str, float], None] | None = None,
     without: frozenset[str] = frozenset(),
 ) -> tuple[dict, Details]:
@@ -59,9 +58,9 @@ def diagnose(
 
     Parameters
     ----------
-    case : as read; quick : a narrower search; threads : cores to use; seed : kept for callers, nothing is drawn by
-    chance. progress : called with a stage and a share of the work done. without : effects left out of the catalogue (to
-    test that what is missing is called unknown).
+    case : as read; quick : a narrower search; threads : cores to use. progress : called with a stage and
+    a share of the work done. without : effects left out of the catalogue (to test that what is missing is called
+    unknown). Nothing is drawn by chance.
 
     Returns
     -------
@@ -180,7 +179,7 @@ def chosen_search(case: Case, search: Search, best: Fit, threads: int, without: 
         kept = [(one.store.fits, one.store.fitter.start) for one in searches]
         for one in searches:
             fitter = one.store.fitter
-            one.store.fits, fitter.start = {}, fitter.start.with_lates(dict(start.lates))
+            one.store.fits, fitter.start = {}, fitter.start.with_command_delays(dict(start.command_delays))
             one.begin()
         again = search.store.try_fit(fit.hypothesis, fit.u, search.store.fits[()])
         aligned_owner, aligned = by_runs_left_out(searches, again)
@@ -520,7 +519,7 @@ def _candidates(found: Investigation, weighed: Account) -> list[Candidate]:
     for fit in fits:
         if fit.hypothesis == chosen.hypothesis:
             verdict, reason = (
-                "blamed",
+                "included",
                 (
                     "explains the runs best, each of its effects on its own evidence"
                     if fit.hypothesis

@@ -57,10 +57,10 @@ def compare(first: dict[str, Any], second: dict[str, Any]) -> dict[str, Any]:
     of the second is named in `alike`: such a change of name is none.
     """
 
-    def blamed(diagnosis: dict[str, Any]) -> dict[tuple[str, str], dict[str, Any]]:
+    def included(diagnosis: dict[str, Any]) -> dict[tuple[str, str], dict[str, Any]]:
         return {(e["id"], e["side"]): e for e in diagnosis["effects"]}
 
-    one, two = blamed(first), blamed(second)
+    one, two = included(first), included(second)
     sets = [{(m["id"], m["side"]) for m in s} for d in (first, second) for s in d["indistinguishable"]]
     causes = []
     for key in dict.fromkeys([*one, *two]):

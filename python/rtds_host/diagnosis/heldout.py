@@ -61,7 +61,7 @@ def held_out(problem: Problem, account: Account) -> HeldOut:
     notes += [
         f"{name}: its commands act {late:+.2g} s later than those of the other runs; effects were fitted with that,"
         " every gap shown is without it"
-        for name, late in account.fit.start.lates
+        for name, late in account.fit.start.command_delays
     ]
     if problem.searched < 1.0:
         notes.append(

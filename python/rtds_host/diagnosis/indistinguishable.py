@@ -33,7 +33,7 @@ def _holding(case: Case, cause: Cause, *tables: Mapping[str, Condition]) -> list
 
 
 def indistinguishable(case: Case, cause: Cause, included: Iterable[Cause] = ()) -> list[Cause]:
-    """The other effects that these runs could as well be blamed on, for the same replays, each on the member's side.
+    """The other effects that explain these runs as well, by the same replays, each on the member's side.
 
     `included`: the other effects of the explanation; the friction among them makes more effects indistinguishable.
     What is indistinguishable from one of these is one of these, too.

@@ -8,8 +8,8 @@ One sigma is the root of the sum of
     chance)^2
 
 and, of a delay, what stamps, links and a servo's latency leave open; of a sensor's lag, where within a row it measures:
-a driver that takes its speed from one row's counts is late by half of that already. A size that hangs on the setting is
-no constant that is known better than it scatters; on a machine that is described to its noise nothing scatters.
+a driver that takes its speed from one row's counts is late by half of that already. A size that depends on the
+setting is no constant that is known better than it scatters; on a robot that is described to its noise nothing does.
 
 Where something is left unexplained, its part along an effect's sensitivity was taken for a part of the effect. That
 part is not seen, and it does not scatter between runs that move alike. What is missing is taken to resemble an effect
@@ -88,7 +88,7 @@ def _keys(fit: Fit) -> list[Key]:
     return [((e.id, side), p.name) for e, side, p in parameters(fit.effects, fit.hypothesis)]
 
 
-def _sandwich(problem: Problem, fit: Fit, groups: np.ndarray) -> np.ndarray:
+def _sandwich(fit: Fit, groups: np.ndarray) -> np.ndarray:
     """Variances of (z, u) that follow from how the residuals really scatter between groups of them, (k + p,).
 
     H. White, Econometrica 48, 1980, clustered: residuals may be correlated within a group.
@@ -165,8 +165,8 @@ def bias(fit: Fit, missing: Iterable[np.ndarray]) -> np.ndarray:
 
 def sigmas_of(problem: Problem, fit: Fit) -> np.ndarray:
     """One sigma of each parameter, in spreads: the largest of what the likelihood says, what the scatter between blocks
-    of time says, and what that between runs does; and what it hangs on how the residual is weighed."""
-    variances = [np.diag(fit.covariance), _sandwich(problem, fit, problem.blocks)]
+    of time says, and what that between runs does; and by how much it depends on the residual's weights."""
+    variances = [np.diag(fit.covariance), _sandwich(fit, problem.blocks)]
     if len(problem.whole) > 2:
-        variances.append(_sandwich(problem, fit, problem.runs_of))
+        variances.append(_sandwich(fit, problem.runs_of))
     return np.sqrt(np.max(variances, axis=0) + command_shift(fit) ** 2)[len(fit.z) :]

@@ -1,4 +1,4 @@
-"""What an explanation foretells of runs that it was not fitted to (contract, sections 4 and 5).
+"""What an explanation predicts of runs that it was not fitted to (contract, sections 4 and 5).
 
 The fit without a run is a few steps from the fit to all; of a single run each half is left out in turn.
 """
@@ -111,7 +111,7 @@ def parted(problem: Problem) -> list[list[tuple[int, int, np.ndarray]]]:
 
 
 @dataclass(frozen=True)
-class Foretold:
+class Prediction:
     """A part of a run and the explanation as fitted without it: the run's index, first row and last (exclusive)."""
 
     run: int
@@ -120,14 +120,14 @@ class Foretold:
     model: Model
 
 
-def foretold(problem: Problem, fit: Fit) -> list[Foretold]:
+def predicted(problem: Problem, fit: Fit) -> list[Prediction]:
     """The explanation fitted without each run in turn; of a single run without each half."""
     parts = [(k, *one) for k, mine in enumerate(parted(problem)) for one in mine]
     models = left_out(problem, fit, [rows for *_, rows in parts])
-    return [Foretold(k, first, last, model) for (k, first, last, _), model in zip(parts, models, strict=True)]
+    return [Prediction(k, first, last, model) for (k, first, last, _), model in zip(parts, models, strict=True)]
 
 
-def over_runs(problem: Problem, parts: Sequence[Foretold]) -> list[Errors]:
+def over_runs(problem: Problem, parts: Sequence[Prediction]) -> list[Errors]:
     """Errors by channel of each part that was left out, at the search's steps, with commands as late as fitted."""
     jobs, owners = [], []
     for k, one in enumerate(parts):
@@ -146,7 +146,7 @@ def over_runs(problem: Problem, parts: Sequence[Foretold]) -> list[Errors]:
     return list(found)
 
 
-def over_pieces(problem: Problem, parts: Sequence[Foretold]) -> list[Errors]:
+def over_pieces(problem: Problem, parts: Sequence[Prediction]) -> list[Errors]:
     """The same over pieces of an axis' runs that each start from the measured state; empty for a robot.
 
     Channels are those of the search's residual, angles as well as speeds.
@@ -165,7 +165,7 @@ def over_pieces(problem: Problem, parts: Sequence[Foretold]) -> list[Errors]:
 
 def left_out_channels(problem: Problem, fit: Fit) -> dict[str, float]:
     """The gap of an explanation by channel on runs left out in turn."""
-    return gaps.pooled(over_runs(problem, foretold(problem, fit)))
+    return gaps.pooled(over_runs(problem, predicted(problem, fit)))
 
 
 def left_out_gap(problem: Problem, fit: Fit) -> float:

@@ -12,7 +12,7 @@ with b = 1. A group may also be a channel of a whole run, whose b blocks share o
 with a scale of its own for each channel and run, which finds what acts in few blocks and strongly, a delay.
 
 The logarithm does not change when the noise is declared otherwise: an explanation that halves the residuals gains the
-same whatever their unit, so sizes and names do not hang on the declared noise while V is far above 1. It is bounded
+same whatever their unit, so sizes and names do not depend on the declared noise while V is far above 1. It is bounded
 from above by its tangent in V,
 so that least squares with the weight 1 / (1 + n (V - V0) / b) on a group's rows, renewed
 after each step, lowers the cost in each step (a majorant: D. R. Hunter, K. Lange, The American Statistician 58, 2004).

@@ -1,4 +1,4 @@
-"""Which effects take a blamed one's place and fit as well: look-alikes, to be declared and weighed."""
+"""Which effects take an included one's place and fit as well: look-alikes, to be declared and weighed."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ LARGEST_SET = 3
 def lookalikes(
     search: Search, fit: Fit, standing: Iterable[tuple[Cause, Fit]]
 ) -> tuple[tuple[tuple[Cause, ...], ...], list[Fit]]:
-    """Effects that take a blamed one's place and fit as well, and the fits that show it.
+    """Effects that take an included one's place and fit as well, and the fits that show it.
 
-    What opens a gap does not, however few blocks of time there are to tell it by. standing : blamed effects and the
+    What opens a gap does not, however few blocks of time there are to tell it by. standing : included effects and the
     explanation without each.
 
     A set has room for few. Those that are alike in principle come first; then what is nearly so, if it fits as well,

@@ -102,7 +102,7 @@ SERVO = {"servo_kp": {"kp_v_s_per_rad": "servo_kp"}, "servo_ki": {"ki_v_per_rad"
 LATENCY = {"latency_s": "latency"}
 EARLY = {"command_early_s": "command_early"}
 ANTI_WINDUP = {"anti_windup": "servo_release"}
-SKEWS = {"gyro_z": {"gyro_late_s": "gyro_late"}, "yaw": {"pose_late_s": "pose_late"}}
+SKEWS = {"gyro_z": {"gyro_delay_s": "gyro_delay"}, "yaw": {"pose_delay_s": "pose_delay"}}
 # Name in a diagnosis' `setup` -> entry of the model.
 SETUP = {key: quantity for keys in (LATENCY, ANTI_WINDUP, EARLY, *SKEWS.values()) for key, quantity in keys.items()}
 # No nuisance: where the encoder was taken to sit.

@@ -150,7 +150,7 @@ def _cells(row: dict) -> list[tuple[str, str]]:
             *[("", "")] * 6,
             (escape(row["error"]), escape(row["error"])),
         ]
-    blamed = []
+    included = []
     for effect, side in zip(row["effects"], row["sides"]):
         values = ", ".join(
             f"{p['name']} = "
@@ -160,19 +160,19 @@ def _cells(row: dict) -> list[tuple[str, str]]:
             for p in row["parameters"]
             if (p["effect"], p["side"]) == (effect, side)
         )
-        blamed.append(
+        included.append(
             f'{escape(effect_name({"id": effect, "side": side}))} <span class="soft small">{escape(values)}</span>'
         )
     name, verdict = row["case"], row["verdict"]
     return [
         (f'<a href="{quote(name)}/report.html">{escape(name)}</a>', escape(name)),
         (f'<span class="badge {verdict}">{verdict}</span>', verdict),
-        ("<br>".join(blamed), escape(" ".join(row["effects"]))),
+        ("<br>".join(included), escape(" ".join(row["effects"]))),
         figure(row["probability"], percent),
         figure(row["gap_before"], number),
         figure(row["gap_refit"], number),
         *(
-            figure(row[name], show) if blamed else ("", "")
+            figure(row[name], show) if included else ("", "")
             for name, show in (("gap_after", number), ("closed", percent))
         ),
         figure(row["seconds"], lambda s: f"{s:.1f}"),

@@ -76,14 +76,14 @@ class Problem:
         self.whole = [RunData(log, run_inputs(log, case.robot)) for log in case.runs]
         self.searched = min(1.0, SEARCHED_S / lasted, SEARCHED_ROWS / sum(len(log.t) for log in case.runs))
         self.runs, owners = [], []
-        owed = 0.0  # of what is to be searched, s, what the runs so far did not give
+        shortfall = 0.0  # of what is to be searched, s, what the runs so far did not give
         for k, log in enumerate(case.runs):
             if pieces:
                 parts = self._pieces(log)
             elif self.searched < 1.0:
-                owed += self.searched * float(log.t[-1] - log.t[0])
-                parts = self._stretches(log, owed)
-                owed -= sum(float(part.log.t[-1] - part.log.t[0]) for part in parts)
+                shortfall += self.searched * float(log.t[-1] - log.t[0])
+                parts = self._stretches(log, shortfall)
+                shortfall -= sum(float(part.log.t[-1] - part.log.t[0]) for part in parts)
             else:
                 parts = [self._prepared(log, run_inputs(log, self.robot))]
             self.runs += parts
@@ -176,16 +176,17 @@ class Problem:
             for first, last in bounds or [(0, len(log.t))]
         ]
 
-    def _stretches(self, log: RunLog, owed: float) -> list[RunData]:
+    def _stretches(self, log: RunLog, shortfall: float) -> list[RunData]:
         """Stretches from all over a long run, the run's beginning among them, so that a search takes no longer than of
         short ones.
 
-        owed : s, what is to be searched of it and was not of the runs before. No stretch is shorter than two windows of
-        an angle: of runs whose share is less some have one, short ones the whole of them, and the others none.
+        shortfall : s, what is to be searched of it and was not of the runs before. No stretch is shorter than two
+        windows of an angle: of runs whose share is less some have one, short ones the whole of them, and the others
+        none.
         """
         lasted = float(log.t[-1] - log.t[0])
         share, shortest, parts = lasted * self.searched, min(2.0 * WINDOW_S, lasted), []
-        count = math.ceil(share / STRETCH_S) if share >= shortest else int(owed >= 0.5 * shortest)
+        count = math.ceil(share / STRETCH_S) if share >= shortest else int(shortfall >= 0.5 * shortest)
         length = max(share / max(count, 1), shortest)
         for k in range(count):
             begin = log.t[0] + k * lasted / count
@@ -231,7 +232,7 @@ class Problem:
         start = DECLARED if self.pieces else start
         key = start, self._follow
         if key not in self._begun:
-            headings, speeds, lates = dict(start.headings), dict(start.speeds), dict(start.lates)
+            headings, speeds, command_delays = dict(start.headings), dict(start.speeds), dict(start.command_delays)
 
             def of(data: RunData, searched: bool) -> RunData:
                 state, t_cmd, angles = data.inputs[-1].copy(), data.inputs[1], data.inputs[4]
@@ -239,7 +240,7 @@ class Problem:
                 state[2] = headings.get(name, state[2])
                 if searched:
                     state[5] = state[9] = speeds.get((name, float(data.log.t[0])), state[5])
-                    t_cmd = t_cmd + lates.get(name, 0.0)
+                    t_cmd = t_cmd + command_delays.get(name, 0.0)
                 return replace(data, inputs=(data.inputs[0], t_cmd, *data.inputs[2:4], angles, data.inputs[5], state))
 
             searched = [of(data, True) for data in self.runs]
@@ -324,13 +325,13 @@ class Problem:
             return model.start
         runs = self.begun(model.start)
         found = {data.log.name: late for data in runs if (late := self._later(data, model, delay))}
-        return model.start if 2 * len(found) >= len(runs) else model.start.with_lates(found)
+        return model.start if 2 * len(found) >= len(runs) else model.start.with_command_delays(found)
 
     def _later(self, data: RunData, model: Model, delay: float) -> float:
         """By how much later than `delay` the commands of a run act, s; 0 where that does not explain most of its
         misfit.
         """
-        was = dict(model.start.lates).get(data.log.name, 0.0)
+        was = dict(model.start.command_delays).get(data.log.name, 0.0)
 
         def missed(out: np.ndarray) -> float:
             residual = run_residual(data, out)
@@ -342,20 +343,20 @@ class Problem:
         as_others = beyond(0.0)
         if as_others < CHI2:
             return 0.0
-        lates = delay * (LAGS - 1.0)
+        extra = delay * (LAGS - 1.0)
         if model.batched:
-            later = [model.copy() for _ in lates]
-            for one, late in zip(later, lates):
-                one.add("command_delay", late - was)
+            later = [model.copy() for _ in extra]
+            for one, delay_more in zip(later, extra):
+                one.add("command_delay", delay_more - was)
             values = [missed(out) for out in ReplayBatch([data.inputs]).replay(later)]
         else:
-            values = list(self.pool.map(beyond, lates))
+            values = list(self.pool.map(beyond, extra))
         k = int(np.argmin(values))
         from scipy.optimize import minimize_scalar  # a third of a second, which few cases have to spend
 
         best = minimize_scalar(
             beyond,
-            bounds=(lates[max(k - 1, 0)], lates[min(k + 1, len(lates) - 1)]),
+            bounds=(extra[max(k - 1, 0)], extra[min(k + 1, len(extra) - 1)]),
             method="bounded",
             options={"xatol": 1e-3},
         )
@@ -363,9 +364,9 @@ class Problem:
 
     def lag_s(self, start: Start) -> float:
         """How well the mean of the runs' lags is known for what they scatter, one sigma, s."""
-        if not start.lates:
+        if not start.command_delays:
             return 0.0
-        each = [dict(start.lates).get(data.log.name, 0.0) for data in self.runs]
+        each = [dict(start.command_delays).get(data.log.name, 0.0) for data in self.runs]
         return float(np.std(each, ddof=1)) / math.sqrt(len(each))
 
     def replay(self, model: Model) -> list[np.ndarray]:
@@ -407,7 +408,7 @@ class Problem:
     def judged(self, start: Start) -> list[tuple[RunData, int]]:
         """What an effect's worth is judged on, and the run that each is of: whole runs, of long ones the stretches that
         are searched, with commands as late in each run as they were fitted (`aligned_commands`)."""
-        if start.lates or (self.searched < 1.0 and not self.pieces):
+        if start.command_delays or (self.searched < 1.0 and not self.pieces):
             return list(zip(self.begun(start), self.owners, strict=True))
         return [(data, k) for k, data in enumerate(self.whole_begun(start))]
 

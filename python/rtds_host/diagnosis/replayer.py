@@ -112,7 +112,7 @@ class Replayer:
         return self._kept[0]
 
     def _compared(self, batch: ReplayBatch, runs: Sequence[RunData]) -> Comparison | None:
-        """What the residual of a batch's runs compares, which does not hang on where they begin."""
+        """What the residual of a batch's runs compares, which does not depend on where they begin."""
         if batch not in self._comparisons:
             self._comparisons = {kept: found for kept, found in self._comparisons.items() if kept in self._kept}
             self._comparisons[batch] = Comparison.of(runs)
@@ -142,7 +142,7 @@ class Replayer:
 
 
 def _taken(model: Model, step_s: float, runs: Sequence[RunData]) -> float:
-    """Work that replays of all runs are: a step from row to row at the least. It hangs on the model, not on how
+    """Work that replays of all runs are: a step from row to row at the least. It depends on the model, not on how
     many cores there are.
     """
     each = WAITING if model.waits else 1.0 if model.batched else ALONE

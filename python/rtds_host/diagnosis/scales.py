@@ -18,7 +18,7 @@ from rtds_host.diagnosis.thresholds import FEW_SHARE
 USUAL_RUN_S = 20.0
 
 
-# Scales that hang on how long runs last, and, where torque is commanded and no speed has a limit, on how fast they
+# Scales that depend on how long runs last, and, where torque is commanded and no speed has a limit, on how fast they
 # were, or on how much was asked of the motor.
 OF_RUNS, OF_SPEEDS_MET, OF_ASKED = {"run", "decline"}, {"speed", "viscous", "tread", "turn"}, {"torque", "spin"}
 

@@ -363,8 +363,8 @@ def clashes(cause: tuple[str, str], hypothesis: Hypothesis) -> bool:
 
 
 def doubles(problem: Problem, cause: tuple[str, str], hypothesis: Hypothesis) -> bool:
-    """Whether an explanation holds this effect already, be it of another size, or one that these runs could as well be
-    blamed on.
+    """Whether an explanation holds this effect already, be it of another size, or one that explains these runs
+    as well.
     """
     if clashes(cause, hypothesis) and not splits(cause, hypothesis):
         return True

@@ -15,12 +15,12 @@ class Start:
     """Initial states and delays of runs that were estimated; what is not named is as declared.
 
     headings : rad, by a run's name. speeds : rad/s at the wheel, of an axis, by a searched run's name and first time.
-    lates : s, by how much later than in the other runs a run's commands act, by its name.
+    command_delays : s, by how much later than in the other runs a run's commands act, by its name.
     """
 
     headings: tuple[tuple[str, float], ...] = ()
     speeds: tuple[tuple[tuple[str, float], float], ...] = ()
-    lates: tuple[tuple[str, float], ...] = ()
+    command_delays: tuple[tuple[str, float], ...] = ()
 
     def with_headings(self, headings: Mapping[str, float]) -> Start:
         """The same with other headings."""
@@ -30,9 +30,9 @@ class Start:
         """The same with other speeds."""
         return replace(self, speeds=tuple(speeds.items()))
 
-    def with_lates(self, lates: Mapping[str, float]) -> Start:
+    def with_command_delays(self, command_delays: Mapping[str, float]) -> Start:
         """The same with commands that act at other times."""
-        return replace(self, lates=tuple(lates.items()))
+        return replace(self, command_delays=tuple(command_delays.items()))
 
 
 DECLARED = Start()

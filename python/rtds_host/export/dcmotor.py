@@ -82,8 +82,8 @@ def element(figures: Figures, side: Side) -> Element:
     )
 
 
-def text(name: str, late: str, motor: Element) -> str:
-    """The element's line; `late`: attributes of a delay."""
+def text(name: str, delay: str, motor: Element) -> str:
+    """The element's line; `delay`: attributes of a delay."""
     more = ""
     if motor.thermal_k_per_w:
         more += f' thermal="{motor.thermal_k_per_w:.9g} 0 {motor.thermal_s:.9g} {COPPER_PER_K:g} 25 25"'
@@ -93,7 +93,7 @@ def text(name: str, late: str, motor: Element) -> str:
         more += ' lugre="{:.9g} 0 {:.9g} {:.9g} {:.9g}"'.format(*motor.lugre)
     return (
         f'    <dcmotor name="motor_{name}" joint="wheel_{name}" gear="{motor.gear:.9g}" ctrllimited="true" '
-        f'ctrlrange="{-motor.top_v:.9g} {motor.top_v:.9g}"{late} '
+        f'ctrlrange="{-motor.top_v:.9g} {motor.top_v:.9g}"{delay} '
         f'motorconst="{motor.constant:.9g} {motor.constant:.9g}" resistance="{motor.resistance_ohm:.9g}" '
         f'inductance="{motor.inductance_h:.9g} 0"{more}/>\n'
     )

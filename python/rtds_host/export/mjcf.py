@@ -42,8 +42,8 @@ def timestep_s(actuator: str) -> float:
     return dcmotor.TIMESTEP_S if actuator == "dcmotor" else TIMESTEP_S
 
 
-def _late(delay_s: float, step_s: float = TIMESTEP_S) -> str:
-    """Attributes that make an actuator or a sensor late."""
+def _delay_attributes(delay_s: float, step_s: float = TIMESTEP_S) -> str:
+    """Attributes of an actuator or a sensor with a delay."""
     if delay_s <= 0.0:
         return ""
     return f' nsample="{math.ceil(delay_s / step_s) + 2}" interp="linear" delay="{delay_s:.9g}"'
@@ -137,14 +137,14 @@ def _motor(figures: Figures, k: int, actuator: str) -> str:
     side, name = figures.sides[k], SIDES[k]
     top = most_v(figures, k)
     # Behind a servo the speeds asked for are late, its voltages are not.
-    late = 0.0 if figures.loop is not None else figures.command_delay_s
+    delayed = 0.0 if figures.loop is not None else figures.command_delay_s
     if actuator == "dcmotor":
         motor = dcmotor.element(figures, side)
         motor = replace(motor, top_v=max(top, motor.top_v)) if side.voltage_gain else motor
-        return dcmotor.text(name, _late(late, dcmotor.TIMESTEP_S), motor)
+        return dcmotor.text(name, _delay_attributes(delayed, dcmotor.TIMESTEP_S), motor)
     common = (
         f'name="motor_{name}" joint="wheel_{name}" gear="{side.gear_nm_per_a:.9g}" ctrllimited="true" '
-        f'ctrlrange="{vector(-top, top)}"{_late(late)}'
+        f'ctrlrange="{vector(-top, top)}"{_delay_attributes(delayed)}'
     )
     if heats(side):
         # Resistance by temperature, R (1 + a (T - T0)): with a = 1/K the temperature's rise is that of the resistance.
@@ -216,7 +216,7 @@ def _tendons(figures: Figures) -> str:
 
 def _sensors(figures: Figures, actuator: str) -> str:
     step = timestep_s(actuator)
-    late = _late(figures.measurement_delay_s, step)
+    delayed = _delay_attributes(figures.measurement_delay_s, step)
     # A <dcmotor>'s force is its torque, friction and cogging included; its current is an activation.
     force = "i" if actuator == "general" else "torque"
 
@@ -225,16 +225,16 @@ def _sensors(figures: Figures, actuator: str) -> str:
 
     text = ""
     for side, name, letter in zip(figures.sides, SIDES, "lr", strict=True):
-        later = _late(figures.measurement_delay_s + side.speed_delay_s, step)
+        speed_delayed = _delay_attributes(figures.measurement_delay_s + side.speed_delay_s, step)
         seen = "tendon" if _behind(figures, side) else "joint"
         text += (
             f'    <actuatorfrc name="{force}_{letter}" actuator="motor_{name}"'
-            f"{noise('i_a') if force == 'i' else ''}{late}/>\n"
-            f'    <{seen}vel name="w_{letter}" {seen}="wheel_{name}"{noise("w_rad_s")}{later}/>\n'
-            f'    <{seen}pos name="th_{letter}" {seen}="wheel_{name}"{noise("th_rad")}{late}/>\n'
+            f"{noise('i_a') if force == 'i' else ''}{delayed}/>\n"
+            f'    <{seen}vel name="w_{letter}" {seen}="wheel_{name}"{noise("w_rad_s")}{speed_delayed}/>\n'
+            f'    <{seen}pos name="th_{letter}" {seen}="wheel_{name}"{noise("th_rad")}{delayed}/>\n'
         )
     return (
-        text + f'    <gyro name="gyro" site="axle"{noise("gyro_rad_s")}{late}/>\n'
+        text + f'    <gyro name="gyro" site="axle"{noise("gyro_rad_s")}{delayed}/>\n'
         f'    <framepos name="position" objtype="site" objname="axle"{noise("xy_m")}/>\n'
         f'    <framexaxis name="heading" objtype="site" objname="axle"{noise("yaw_rad")}/>\n'
     )

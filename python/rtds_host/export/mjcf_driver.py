@@ -28,7 +28,7 @@ from rtds_host.plant.friction import by_load, rolling, stribeck
 # laws: end
 GRAVITY_M_S2 = 9.80665
 SIDES = ("left", "right")
-# N·m; LuGre friction that is as good as none. Its stiffness stays: the number of activations hangs on it.
+# N·m; LuGre friction that is as good as none. Its stiffness stays: the number of activations depends on it.
 NO_FRICTION_NM = 1e-12
 # Numbers of a file that leaves them out: nothing acts.
 NOTHING = {"speed_gain": 1.0, "current_gain": 1.0, "gyro_gain": 1.0, "voltage_gain": 1.0, "command_gain": 1.0}
@@ -162,7 +162,7 @@ class Driver:
         return tuple(self.volts)
 
     def after(self, data):
-        """Take filters and the late current to the end of a step."""
+        """Take filters and the delayed current to the end of a step."""
         now = [float(data.sensordata[self.sensors["w_" + side]]) for side in "lr"]
         if not self.seen:
             self.seen, self.filtered = now, list(now)
@@ -182,8 +182,8 @@ class Driver:
         mean = 0.5 * (self.seen[k] + now)
         return mean + (self.filtered[k] - mean) * math.exp(-self.model.opt.timestep / tau)
 
-    def _late_currents(self, data):
-        """Currents as they are reported, so many seconds late."""
+    def _delayed_currents(self, data):
+        """Currents as they are reported, with their delay."""
         delay = self.number("current_delay_s")[0]
         if delay <= 0.0 or not self.past:
             return self.currents(data) if delay <= 0.0 else [0.0, 0.0]
@@ -197,7 +197,7 @@ class Driver:
         """What is reported now, without noise, by channel; the sensors of `data` are those of its last evaluation."""
         gain, bias = self.number("current_gain"), self.number("current_bias_a")
         scale, tau = self.number("speed_gain"), self.number("speed_filter_s")
-        currents = self._late_currents(data)
+        currents = self._delayed_currents(data)
         found = {"v_bus": self.bus}
         for k, side in enumerate("lr"):
             speed = float(data.sensordata[self.sensors["w_" + side]])

@@ -8,17 +8,15 @@ import numpy as np
 
 from rtds_host.contract import Robot
 from rtds_host.diagnosis.effects import CATALOGUE, catalogue
-
-# 90 % of a normal lie within so many standard deviations.
-NINETY = 1.6449
+from rtds_host.diagnosis.scatter import Z90
 
 
 def draw(diagnosis: dict, robot: Robot, count: int, seed: int) -> tuple[list[dict], list[str]]:
     """Diagnoses that differ in the effects' sizes.
 
     Each size is normal about its value, with the two sides of its 90 % interval as 1.645 standard deviations (a factor
-    that cannot change its sign: its logarithm), and within the effect's bounds. Sizes are drawn apart: a diagnosis says
-    nothing of how they hang together.
+    that cannot change its sign: its logarithm), and within the effect's bounds. Sizes are drawn independently: a
+    diagnosis says nothing of their correlation.
 
     Parameters
     ----------
@@ -48,10 +46,10 @@ def draw(diagnosis: dict, robot: Robot, count: int, seed: int) -> tuple[list[dic
                 value, (low, high) = given["value"], interval
                 if parameter.logarithmic and min(value, low) > 0.0:
                     edge = high if z > 0.0 else low
-                    new = value * float(np.exp(abs(z) / NINETY * np.log(edge / value)))
+                    new = value * float(np.exp(abs(z) / Z90 * np.log(edge / value)))
                 else:
                     edge = high if z > 0.0 else low
-                    new = value + abs(z) / NINETY * (edge - value)
+                    new = value + abs(z) / Z90 * (edge - value)
                 # What is a share of a run's length has no bound where no run is known.
                 scale = next(p.scale for p in CATALOGUE[entry["id"]].parameters if p.name == name)
                 top = float("inf") if scale in ("run", "decline") else parameter.high

@@ -273,7 +273,7 @@ def _convert(raw: Series, source: Source, robot: Robot, notices: list[str]) -> S
         )
     values = (values * source.scale + source.offset) * gain
     series = replace(raw, values=-values if source.reverse else values)
-    return series.earlier(source.late_samples, source.late_s).last_of_equal_times()
+    return series.earlier(source.delay_samples, source.delay_s).last_of_equal_times()
 
 
 def _geometry(source: Source | Twist, robot: Robot) -> tuple[float, float]:

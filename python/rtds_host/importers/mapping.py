@@ -16,7 +16,7 @@ from rtds_host.importers.units import FIXED, QUANTITY
 
 SCHEMA = "rtds-mapping/1"
 # A value is read a few samples before its stamp, never minutes.
-LATEST_SAMPLES, LATEST_S = 1000, 60.0
+MOST_DELAY_SAMPLES, MOST_DELAY_S = 1000, 60.0
 META_KEYS = ("scenario", "payload_kg", "slope_rad", "uphill_yaw_rad", "notes")
 
 
@@ -25,7 +25,7 @@ class Source:
     """Where one channel comes from. A bag is asked for `topic` and `field`, a table for `column`.
 
     `pair` names the two fields (or columns) of a twist, forward speed and yaw rate, from which a wheel's speed
-    follows. `late_samples`, `late_s`: the value in a message was read that much earlier than its stamp says.
+    follows. `delay_samples`, `delay_s`: the value in a message was read that much earlier than its stamp says.
     """
 
     place: str
@@ -44,8 +44,8 @@ class Source:
     wheel_radius_m: float | None = None
     track_width_m: float | None = None
     shaft: str = "wheel"
-    late_samples: int = 0
-    late_s: float = 0.0
+    delay_samples: int = 0
+    delay_s: float = 0.0
     wraps_at: float | None = None
     use: str = "all"
 
@@ -353,9 +353,9 @@ class _Parser:
             pair = tuple(pair)
         if not isinstance(table.get("reverse", False), bool):
             raise self.fail(place, f"reverse is {table['reverse']!r}, true or false is needed")
-        late = self.number(place, table, "late_samples", 0.0, low=0.0, high=LATEST_SAMPLES)
-        if late != int(late):
-            raise self.fail(place, f"late_samples is {late:g}, a whole number is needed")
+        delay = self.number(place, table, "delay_samples", 0.0, low=0.0, high=MOST_DELAY_SAMPLES)
+        if delay != int(delay):
+            raise self.fail(place, f"delay_samples is {delay:g}, a whole number is needed")
         number = self.number
         if number(place, table, "scale", 1.0) == 0:
             raise self.fail(place, "scale is 0, nothing would be left of the channel")
@@ -377,8 +377,8 @@ class _Parser:
             track_width_m=number(place, table, "track_width_m", None, positive=True),
             wraps_at=number(place, table, "wraps_at", None, positive=True),
             shaft=self.text(place, table, "shaft", "wheel", ("wheel", "motor")),
-            late_samples=int(late),
-            late_s=number(place, table, "late_s", 0.0, low=-LATEST_S, high=LATEST_S),
+            delay_samples=int(delay),
+            delay_s=number(place, table, "delay_s", 0.0, low=-MOST_DELAY_S, high=MOST_DELAY_S),
             use=self.text(place, table, "use", "all", ("all", "start")),
         )
 

@@ -319,7 +319,7 @@ class HpsLink(ConfiguredLink):
 
     def report(self) -> dict[str, object]:
         """What the link has to say about itself: strobes counted, and by how much they were late, s."""
-        return {"steps": self._steps, "late_s": self.delayed_clocks / CLOCK_HZ}
+        return {"steps": self._steps, "lateness_s": self.delayed_clocks / CLOCK_HZ}
 
     def close(self) -> None:
         """See `Link.close`."""

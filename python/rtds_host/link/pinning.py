@@ -32,9 +32,9 @@ Opener = Callable[[Top, "int | str", Mapping[str, str]], Link]
 HEADER = "rtds_phases.h"
 PROFILE_VARIABLE = "RTDS_PROFILE"
 # A value that a member has in this share of a phase's clocks is a pin. The others are clocks of a sample, of a
-# request's last step or of new parameters, a few in a hundred each; what hangs on data varies far more in these runs.
+# request's last step or of new parameters, a few in a hundred each; what depends on data varies far more in these runs.
 PIN_SHARE = 0.96
-# Phases in one function. The first two of a step are by themselves: what a strobe begins hangs on data, and what
+# Phases in one function. The first two of a step are by themselves: what a strobe begins depends on data, and what
 # follows would be compiled for each case. Longer chains are hardly faster, take longer to compile, and leave more
 # clocks to the general evaluation where one ends early.
 FIRST_CHAIN = 2

@@ -146,7 +146,7 @@ class RtlLink(ConfiguredLink):
             raise self._failure("what it said first is no greeting of the link")
         if hello["version"] != protocol.VERSION:
             raise self._failure(f"it speaks version {str(hello['version'])[:20]} of the link, not {protocol.VERSION}")
-        return str(hello.get("simulator", "nameless"))
+        return str(hello.get("simulator", "unmodelled"))
 
     def _load(self, words: EffectWords, values: Parameters, method: str) -> None:
         # The top that was started is without the effect unit, and faster; nothing has been exchanged with it yet.

@@ -115,8 +115,8 @@ class Top:
         """
         if not self.native:
             return self.files()
-        stand_ins = {path.name: path for path in (self.root / NATIVE).glob("*.v")}
-        return [stand_ins.get(path.name, path) for path in self.files()]
+        native = {path.name: path for path in (self.root / NATIVE).glob("*.v")}
+        return [native.get(path.name, path) for path in self.files()]
 
     def headers(self) -> list[Path]:
         """The Verilog headers next to the files, which any of them may include."""

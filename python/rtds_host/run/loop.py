@@ -75,16 +75,7 @@ def set_motors(link: Link, plan: Plan, carry: bool = True) -> None:
     InputError : parameters the core refuses. LinkError : no answer.
     """
     motor = plan.unit_motor if carry else plan.robot.motor
-    link.set_parameters(
-        resistance_ohm=motor.resistance_ohm,
-        inductance_h=motor.inductance_h,
-        torque_constant_nm_per_a=motor.torque_constant_nm_per_a,
-        back_emf_constant_v_s_per_rad=motor.back_emf_constant_v_s_per_rad,
-        rotor_inertia_kg_m2=motor.rotor_inertia_kg_m2,
-        viscous_friction_nm_s_per_rad=motor.viscous_friction_nm_s_per_rad,
-        step_s=plan.simulator_step_s,
-        method=plan.method,
-    )
+    link.set_parameters(*motor.constants, step_s=plan.simulator_step_s, method=plan.method)
 
 
 def drive(

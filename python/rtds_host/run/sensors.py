@@ -36,8 +36,8 @@ class CorrectedPath(SignalPath):
         self.values = sensors
         self._filters = np.array(sensors.speed_filter_s)
         self._delay = sensors.delay_s
-        self._lates = self._delay + np.array(sensors.speed_delay_s)
-        self.watches = bool(self._lates.max() > 0.0 or (self._filters > 0.0).any())
+        self._speed_delays = self._delay + np.array(sensors.speed_delay_s)
+        self.watches = bool(self._speed_delays.max() > 0.0 or (self._filters > 0.0).any())
         self._past: deque[tuple[float, Sample]] = deque()
         self._speeds = self._filtered = np.zeros(2)
 
@@ -50,17 +50,17 @@ class CorrectedPath(SignalPath):
             self._filtered = np.array(sample.speeds_rad_s, dtype=float)
         self._speeds = np.array(sample.speeds_rad_s, dtype=float)
         self._past.append((t_s, replace(sample, speeds_rad_s=self._filtered)))
-        while len(self._past) > 2 and self._past[1][0] <= t_s - self._lates.max():
+        while len(self._past) > 2 and self._past[1][0] <= t_s - self._speed_delays.max():
             self._past.popleft()
 
-    def _late(self, t_s: float, sample: Sample) -> Sample:
+    def _delayed(self, t_s: float, sample: Sample) -> Sample:
         """What left the sensors' inputs `delay` ago, speeds by their own delay before; before the run began, what it
         began with.
         """
         if not self.watches:
             return sample
         others = self._between(t_s, self._delay)
-        speeds = [others if late == self._delay else self._between(t_s, late) for late in self._lates.tolist()]
+        speeds = [others if own == self._delay else self._between(t_s, own) for own in self._speed_delays.tolist()]
         return replace(
             others,
             speeds_rad_s=np.array([seen.speeds_rad_s[k] for k, seen in enumerate(speeds)]),
@@ -82,7 +82,7 @@ class CorrectedPath(SignalPath):
 
     def sensors(self, t_s: float, sample: Sample) -> Sample:
         """What is reported. The pose is measured from outside: neither late nor wrong."""
-        seen, v = self._late(t_s, sample), self.values
+        seen, v = self._delayed(t_s, sample), self.values
         gain = np.array(v.speed_gain)
         currents, speeds, rate = read_with_forms(
             v.forms,

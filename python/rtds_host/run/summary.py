@@ -312,8 +312,8 @@ def _link_text(report: dict) -> str:
             f"{report['chip_steps']} steps of the chip, {report['clocks_50_mhz']} clocks of 50 MHz ({clocks}) in "
             f"{report['chip_wall_s']:.2f} s"
         )
-    if "late_s" in report:
-        parts.append(f"{report['steps']} strobes, together {1e3 * report['late_s']:.3g} ms late")
+    if "lateness_s" in report:
+        parts.append(f"{report['steps']} strobes, together {1e3 * report['lateness_s']:.3g} ms late")
     if "cut_by_range" in report:
         parts.append("cut by a range: " + (", ".join(report["cut_by_range"]) or "nothing"))
     return "; ".join(parts)

@@ -254,7 +254,7 @@ def _radius(path: Path, model: Any, drive: Drive) -> float:
     return max(of_round or others)
 
 
-def _same(path: Path, found: Sequence[Drive]) -> list[str]:
+def _same(found: Sequence[Drive]) -> list[str]:
     """What differs between two motors, of which the first is taken."""
     lines = []
     for name in ("gear", "resistance_ohm", "inductance_h", "constant", "rotor_kg_m2", "viscous_nm_s_per_rad", "top_v"):
@@ -399,7 +399,7 @@ def read_mjcf(
     if len(found) == 2:
         side = found[0].axis * found[0].sign
         found.sort(key=lambda drive: -float(drive.anchor @ side))
-        lost = _same(path, found) + lost
+        lost = _same(found) + lost
         load = _chassis_text(path, model, found[0], found[1], numbers)
     else:
         load = _axis_text(model, found[0])

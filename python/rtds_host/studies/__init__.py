@@ -1,1 +1,1 @@
-"""Studies whose tables the pages show; no other room needs them."""
+"""Studies whose tables the pages show; no other folder needs them."""

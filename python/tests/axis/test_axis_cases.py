@@ -37,13 +37,13 @@ def test_what_is_wrong_with_an_axis_is_named(tmp_path, kind, mode):
     truth, effect, size = WRONG[kind, mode]
     found, _ = diagnose(read_case(write_axis_case(tmp_path / "case", kind, mode, **truth)), quick=True)
     assert found["verdict"] == "known"
-    (blamed,) = found["effects"]
+    (included,) = found["effects"]
     # Turned by torque and measured by its encoder alone, a machine's drive and its encoder are one scale.
     alike = {"speed_gain"} if (kind, mode) == ("linear", "torque") else set()
-    assert blamed["id"] in {effect} | alike
-    if blamed["id"] != effect:
-        assert any({effect, blamed["id"]} <= {m["id"] for m in members} for members in found["indistinguishable"])
-    (value,) = blamed["parameters"].values()
+    assert included["id"] in {effect} | alike
+    if included["id"] != effect:
+        assert any({effect, included["id"]} <= {m["id"] for m in members} for members in found["indistinguishable"])
+    (value,) = included["parameters"].values()
     assert value["value"] == pytest.approx(size, rel=0.03)
     assert found["gap"]["before"] > 20
     # A pendulum driven by torque alone runs away from any replay, however small what is missed.
@@ -108,7 +108,7 @@ def test_nothing_is_blamed_where_nothing_is_wrong(tmp_path, kind, mode):
 
 def test_a_servo_that_answers_some_milliseconds_late_is_no_fault(tmp_path):
     """Buses and boards take their time; what they take is refitted, said in `setup` and predicted with."""
-    case = read_case(write_axis_case(tmp_path / "case", "inertia", "speed", ki=0.0, late_s=0.012))
+    case = read_case(write_axis_case(tmp_path / "case", "inertia", "speed", ki=0.0, delay_s=0.012))
     found, _ = diagnose(case, quick=True)
     assert found["verdict"] == "none" and found["gap"]["before"] > 1.5
     assert found["setup"]["latency_s"] == pytest.approx(0.012, abs=0.001)
@@ -118,23 +118,23 @@ def test_a_servo_that_answers_some_milliseconds_late_is_no_fault(tmp_path):
 
 def test_dry_friction_is_not_dressed_up_as_stribeck(tmp_path):
     found, _ = diagnose(read_case(write_axis_case(tmp_path / "case", "linear", "voltage", coulomb=0.05)), quick=True)
-    (blamed,) = found["effects"]
-    assert blamed["id"] == "coulomb_friction"
+    (included,) = found["effects"]
+    assert included["id"] == "coulomb_friction"
 
 
 def test_without_gravity_load_and_rotor_are_told_to_be_alike(tmp_path):
     found, _ = diagnose(read_case(write_axis_case(tmp_path / "case", "inertia", "torque", load=1.5)), quick=True)
-    (blamed,) = found["effects"]
-    assert {e["side"] for group in found["indistinguishable"] for e in group} == {blamed["side"]} == {"left"}
+    (included,) = found["effects"]
+    assert {e["side"] for group in found["indistinguishable"] for e in group} == {included["side"]} == {"left"}
     (alike,) = [{e["id"] for e in group} for group in found["indistinguishable"]]
-    assert alike == {"payload_error", "rotor_inertia_error"} and blamed["id"] in alike
+    assert alike == {"payload_error", "rotor_inertia_error"} and included["id"] in alike
     # Half the declared inertia, seen from the output, is the rotor's own once more.
     extra = 0.5 * AXES["inertia"]["inertia_kg_m2"]
     wanted = {
         "rotor_inertia_error": ("ratio", 1 + extra / (GEAR**2 * MOTOR["rotor_inertia_kg_m2"])),
         "payload_error": ("inertia_kg_m2", extra),
-    }[blamed["id"]]
-    ((name, value),) = [(n, v["value"]) for n, v in blamed["parameters"].items()]
+    }[included["id"]]
+    ((name, value),) = [(n, v["value"]) for n, v in included["parameters"].items()]
     assert (name, value) == (wanted[0], pytest.approx(wanted[1], rel=0.02))
 
 

@@ -1,4 +1,4 @@
-"""Cases with several causes: every cause is worth what the truth says, the nameless one has no name in the
+"""Cases with several causes: every cause is worth what the truth says, the unmodelled one has no name in the
 catalogue.
 """
 
@@ -10,7 +10,7 @@ import pytest
 
 from rtds_host.blind import accounts, planar, scales, score, seal
 from rtds_host.blind.gap import channel_gaps, total
-from rtds_host.blind.vocabulary import EFFECTS, NAMELESS, UNNAMED
+from rtds_host.blind.vocabulary import EFFECTS, UNMODELLED, UNNAMED
 from rtds_host.contract import builtin_robot, read_case
 from rtds_host.errors import InputError
 
@@ -72,18 +72,20 @@ def test_tolerances_are_not_a_cause():
 
 
 # Those outside of the catalogue that were there before are shown for the second world in test_world.py.
-WITH_STRENGTH = [("planar", name) for name in sorted(scales.STRENGTH)] + [("mujoco", name) for name in sorted(NAMELESS)]
+WITH_STRENGTH = [("planar", name) for name in sorted(scales.STRENGTH)] + [
+    ("mujoco", name) for name in sorted(UNMODELLED)
+]
 
 
 @pytest.mark.parametrize(("world", "name"), WITH_STRENGTH)
-def test_every_nameless_effect_acts_more_the_stronger_it_is(world, name):
+def test_every_unmodelled_effect_acts_more_the_stronger_it_is(world, name):
     rng = np.random.default_rng(3)
     subsystem, _ = UNNAMED[name]
-    nameless = {
+    unmodelled = {
         "id": name,
         "side": "left",
         "subsystem": subsystem,
-        "parameters": scales.nameless_parameters(rng, name, OF),
+        "parameters": scales.unmodelled_parameters(rng, name, OF),
     }
     run = drive()
 
@@ -92,7 +94,7 @@ def test_every_nameless_effect_acts_more_the_stronger_it_is(world, name):
 
     plain, sizes = raw(build([], None, False)), []
     for factor in (1.0, 3.0):
-        machine = build([], scales.strengthened(nameless, factor), False)
+        machine = build([], scales.strengthened(unmodelled, factor), False)
         sizes.append(accounts.gap_between(NOISE, [run], [raw(machine)], [plain], set()))
     assert 1.005 < sizes[0] < sizes[1] < 1e3, sizes
 

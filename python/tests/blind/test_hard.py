@@ -7,7 +7,7 @@ import pytest
 
 from rtds_host.blind import hard, machines, planar, scales, seal, unnamed
 from rtds_host.blind.score import judge
-from rtds_host.blind.vocabulary import EFFECTS, FAMILIAR, NAMELESS, OUTSIDE
+from rtds_host.blind.vocabulary import EFFECTS, FAMILIAR, OUTSIDE, UNMODELLED
 from rtds_host.contract import builtin_robot, read_case
 
 ROBOT = builtin_robot("burger")
@@ -179,11 +179,11 @@ def test_a_stalled_link_lets_the_last_command_act():
 # ---- what is drawn, sealed and scored ---------------------------------------------------------------
 
 
-def test_no_nameless_effect_that_is_drawn_is_one_that_the_diagnoser_has_a_signature_of():
-    drawn = {scales.draw_nameless(np.random.default_rng(k), OF)["id"] for k in range(300)}
+def test_no_unmodelled_effect_that_is_drawn_is_one_that_the_diagnoser_has_a_signature_of():
+    drawn = {scales.draw_unmodelled(np.random.default_rng(k), OF)["id"] for k in range(300)}
     drawn |= {scales.draw_outside(np.random.default_rng(k), OF)["id"] for k in range(300)}
     assert not drawn & set(FAMILIAR) and len(drawn) >= 24
-    assert not set(FAMILIAR) & (set(OUTSIDE) | set(NAMELESS))
+    assert not set(FAMILIAR) & (set(OUTSIDE) | set(UNMODELLED))
 
 
 def test_a_hard_case_is_sealed_and_read_like_the_others(tmp_path, monkeypatch, spec):

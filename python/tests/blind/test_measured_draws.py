@@ -14,7 +14,7 @@ from rtds_host.blind import measured, plants, seal
 from rtds_host.contract import load_robot, read_case
 from rtds_host.errors import InputError
 
-# A diagnoser that blames Coulomb friction in every case.
+# A diagnoser that names Coulomb friction in every case.
 SAME = """
 import json, pathlib, sys
 out = pathlib.Path(sys.argv[3])
@@ -65,8 +65,8 @@ def test_each_data_set_gives_its_draws_and_one_untouched_case_in_no_order(check)
         "command gain",
         "command bias",
         "speed gain",
-        "speed late",
-        "all late",
+        "speed delayed",
+        "all delayed",
     }
 
 
@@ -139,7 +139,7 @@ def test_a_supply_declared_too_high_is_a_drive_that_is_too_strong(sources):
 
 
 def test_late_columns_show_what_was_there_before_and_the_commands_stay(sources):
-    case, plant = drawn(sources[0], "all late")
+    case, plant = drawn(sources[0], "all delayed")
     late = plant.same[0].low
     run = case.runs[0]
     t, columns = plant.alter(run)
@@ -302,7 +302,7 @@ def test_answers_are_sealed_and_scored_like_all_others(check, tmp_path):
     )
     result = measured.score_measured(out, command=[sys.executable, str(still)])
     assert result["all"]["cases"] == 18 and not any(r["named"] or r["new_false"] for r in result["cases"])
-    assert result["bases"]["arm"]["blamed"] == ["coulomb_friction"]
+    assert result["bases"]["arm"]["included"] == ["coulomb_friction"]
     assert all(r["gap_opened"] == r["gap_left"] and r["base_kept"] for r in result["cases"])
     assert all(r["visible"] == (r["gap_opened"] >= measured.VISIBLE * r["gap_base"]) for r in result["cases"])
     assert all(r["restored"] == 0.0 for r in result["cases"] if r["visible"])
@@ -340,7 +340,7 @@ def test_the_command_line_makes_draws_and_scores_them(sources, tmp_path):
 def test_a_delay_that_takes_the_place_of_the_bases_filter_holds_both_sizes():
     late = {
         **MASS,
-        "kind": "all late",
+        "kind": "all delayed",
         "alike": [],
         "same": [{"id": "measurement_delay", "subsystem": "timing", "parameter": "seconds", "low": 0.01, "high": 0.01}],
     }
@@ -351,7 +351,7 @@ def test_a_delay_that_takes_the_place_of_the_bases_filter_holds_both_sizes():
     assert measured.judge_planted(late, both, base, ENTRY)["match"]["expected"] == pytest.approx([0.01, 0.01])
 
 
-def test_a_wider_form_of_what_the_base_blames_is_neither_new_nor_lost():
+def test_a_wider_form_of_what_the_base_names_is_neither_new_nor_lost():
     wider = effect("stribeck_friction", torque_nm=0.03, extra_torque_nm=0.01, speed_rad_s=1.0)
     r = measured.judge_planted(MASS, says(wider, effect("payload_error", mass_kg=0.1)), BASE, ENTRY)
     assert r["named"] and r["base_kept"] and not r["new_false"]

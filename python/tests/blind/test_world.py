@@ -48,7 +48,7 @@ def test_natures_form_of_an_effect_is_near_the_catalogues(name):
 
 
 @pytest.mark.parametrize(
-    "name", sorted(set(vocabulary.UNNAMED) - set(vocabulary.NAMELESS) - set(vocabulary.PLANAR_ONLY))
+    "name", sorted(set(vocabulary.UNNAMED) - set(vocabulary.UNMODELLED) - set(vocabulary.PLANAR_ONLY))
 )
 def test_the_second_world_has_the_effects_outside_of_the_catalogue(name):
     machine = planar.nominal_machine(ROBOT)

@@ -37,7 +37,7 @@ def body_values(**changes):
 
 
 def drive(
-    volts, seconds=0.4, payload=0.0, exchange_steps=1, foretell=True, engine=ENGINE, slope=0.0, effects=(), robot=ROBOT
+    volts, seconds=0.4, payload=0.0, exchange_steps=1, predict=True, engine=ENGINE, slope=0.0, effects=(), robot=ROBOT
 ):
     """Speeds (n, 2) rad/s at the wheel each millisecond, with voltages (2,) from rest."""
     body = make_body(robot, payload, slope)
@@ -59,7 +59,7 @@ def drive(
         )
         set_effects(link, correction)
         with open_engine(engine, body) as world:
-            coupler = Coupler(robot, body, link, world, correction, exchange_steps, foretell)
+            coupler = Coupler(robot, body, link, world, correction, exchange_steps, predict)
             rows = [
                 coupler.advance([(np.array(volts, float), 1e-3 * exchange_steps)]).speeds[-1]
                 for _ in range(round(seconds / 1e-3 / exchange_steps))
@@ -88,10 +88,10 @@ def test_a_voltage_step_accelerates_rotor_body_and_wheels_together(engine):
     assert np.abs(speeds[:, 0] - exact(6.0, 0.4, inertia)).max() < 2e-3
 
 
-def test_without_foretelling_the_load_comes_an_exchange_late():
+def test_without_prediction_the_load_comes_an_exchange_late():
     inertia = 0.5 * 3.0 * 0.033**2 + ROBOT.chassis.wheel_inertia_kg_m2
     truth = exact(6.0, 0.4, inertia)
-    late, told = (np.abs(drive((6.0, 6.0), payload=2.0, foretell=f)[0][:, 0] - truth).max() for f in (False, True))
+    late, told = (np.abs(drive((6.0, 6.0), payload=2.0, predict=f)[0][:, 0] - truth).max() for f in (False, True))
     assert late > 10.0 * told
 
 
@@ -135,7 +135,7 @@ def test_friction_that_grows_with_the_load_is_refused_where_the_unit_would_see_a
         drive((1.0, 1.0), effects=[("load_friction", {"ratio": 0.2})], robot=LIGHT)
 
 
-def test_what_was_foretold_wrongly_is_made_good():
+def test_what_was_predicted_wrongly_is_made_good():
     # A gear in free play hits without warning; wheels and rotor must end at a common speed all the same.
     # After a rebound the body coasts through the play, and closes it later.
     for restitution, seconds in ((0.0, 1.0), (0.4, 4.0)):

@@ -87,7 +87,7 @@ def test_where_nothing_is_left_there_is_no_table():
     assert estimate(case, nominal_model(ROBOT), UNKNOWN) is None
 
 
-def test_a_table_that_does_not_foretell_is_not_believed():
+def test_a_table_that_does_not_predict_is_not_believed():
     case = simulated_case(steps, hold_s=0.35, count=2)
     assert estimate(case, nominal_model(ROBOT), diagnosis_of(verdict="unknown", located="driver")) is None
 

@@ -6,7 +6,7 @@ import signal
 import time
 
 
-def fake(case, quick, seed, threads):
+def fake(case, quick, threads):
     """What a case does is said in the notes of its runs; each start is noted in a file, which all processes share."""
     # Not above: it takes a second, and not every job in here needs it.
     from diagnosis_cases import example_diagnosis
@@ -21,7 +21,7 @@ def fake(case, quick, seed, threads):
         raise ZeroDivisionError("nothing to divide by")
     if order.get("do") == "die":
         os.kill(os.getpid(), signal.SIGKILL)
-    return example_diagnosis(), f"<p>{case.name} {seed} {quick}</p>", 1.0
+    return example_diagnosis(), f"<p>{case.name} {quick}</p>", 1.0
 
 
 def by_number(number):

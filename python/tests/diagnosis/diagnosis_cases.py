@@ -201,7 +201,7 @@ def example_details() -> Details:
             [{"torque_nm": {"value": 0.048, "ci90": [0.046, 0.05]}}],
             190.0,
             0.95,
-            "blamed",
+            "included",
             "explains most and nothing beside it earns its place",
         ),
         Candidate(

@@ -1,4 +1,4 @@
-"""The choice: what is blamed on replays whose cause is known, and what is not.
+"""The choice: what is included on replays whose cause is known, and what is not.
 
 The truths here are made by the replay itself, so they test the choice and not the physics; the independent worlds of
 `rtds_host.blind` test both.
@@ -20,7 +20,7 @@ from rtds_host.diagnosis.report import validate
 from rtds_host.plant.schema import OUTPUTS
 
 
-def blamed(diagnosis):
+def included(diagnosis):
     return [(e["id"], e["side"]) for e in diagnosis["effects"]]
 
 
@@ -49,14 +49,14 @@ def test_clocks_of_gyro_and_pose_that_are_some_milliseconds_off_are_no_cause():
     """
 
     def skewed(model):
-        model.put("gyro_late", 0.004)
-        model.put("pose_late", -0.003)
+        model.put("gyro_delay", 0.004)
+        model.put("pose_delay", -0.003)
 
     diagnosis, _ = run(make_case(skewed, seed=21))
     assert diagnosis["verdict"] == "none" and diagnosis["gap"]["before"] > 1.2 and diagnosis["gap"]["refit"] < 1.05
     assert diagnosis["setup"] == {
-        "gyro_late_s": pytest.approx(0.004, abs=2e-4),
-        "pose_late_s": pytest.approx(-0.003, abs=1e-3),
+        "gyro_delay_s": pytest.approx(0.004, abs=2e-4),
+        "pose_delay_s": pytest.approx(-0.003, abs=1e-3),
     }
 
 
@@ -70,7 +70,7 @@ def test_clocks_of_gyro_and_pose_that_are_some_milliseconds_off_are_no_cause():
 )
 def test_one_effect_is_named_with_its_side_and_size(quantity, amount, sides, effect, side, parameter):
     diagnosis, details = run(make_case(lambda m: m.add(quantity, amount, sides), seed=22))
-    assert diagnosis["verdict"] == "known" and blamed(diagnosis) == [(effect, side)]
+    assert diagnosis["verdict"] == "known" and included(diagnosis) == [(effect, side)]
     ((who, (channel, lacking, explained)),) = details.decided.items()
     assert who == (effect, side) and lacking > 2.0 and explained == pytest.approx(1.0, abs=0.1)
     assert channel == "i_r" or quantity != "current_bias"
@@ -96,7 +96,7 @@ def test_two_effects_are_both_named():
         model.scale("radius", 1.04)
 
     diagnosis, _ = run(make_case(change, seed=23))
-    assert set(blamed(diagnosis)) == {("coulomb_friction", "both"), ("wheel_radius_error", "both")}
+    assert set(included(diagnosis)) == {("coulomb_friction", "both"), ("wheel_radius_error", "both")}
     assert {row["subsystem"] for row in diagnosis["located"]} == {"drivetrain", "wheel_ground"}
     assert sum(row["share"] for row in diagnosis["located"]) == pytest.approx(1.0, abs=1e-3)
 
@@ -130,7 +130,7 @@ def test_how_a_servos_integral_gives_way_at_its_limit_is_no_cause():
 def test_a_speed_that_alone_is_late_is_the_speeds_lag_and_no_delay_of_all():
     """Drivers that count over a span of time, or send the speed later than the angle: the angle shows which."""
     diagnosis, _ = run(make_case(lambda m: m.put("speed_delay", 0.02), seed=61))
-    assert diagnosis["verdict"] == "known" and blamed(diagnosis) == [("speed_filter", "both")]
+    assert diagnosis["verdict"] == "known" and included(diagnosis) == [("speed_filter", "both")]
     parameters = diagnosis["effects"][0]["parameters"]
     assert (
         parameters["time_constant_s"]["value"] == pytest.approx(0.02, rel=0.03)
@@ -144,7 +144,7 @@ def test_a_filter_of_the_speeds_and_a_delay_of_all_are_two():
         model.put("measurement_delay", 0.02)
 
     diagnosis, _ = run(make_case(change, seed=63))
-    assert sorted(blamed(diagnosis)) == [("measurement_delay", "both"), ("speed_filter", "both")]
+    assert sorted(included(diagnosis)) == [("measurement_delay", "both"), ("speed_filter", "both")]
 
 
 def test_two_small_effects_that_tolerances_nearly_make_are_included_where_they_do_not():
@@ -159,7 +159,7 @@ def test_two_small_effects_that_tolerances_nearly_make_are_included_where_they_d
 
     diagnosis, _ = run(make_case(change, seed=62, seconds=20.0))
     assert 1.1 <= diagnosis["gap"]["refit"] < 1.2
-    assert sorted(blamed(diagnosis)) == [("resistance_error", "right"), ("torque_ripple", "right")]
+    assert sorted(included(diagnosis)) == [("resistance_error", "right"), ("torque_ripple", "right")]
 
 
 def test_an_effect_that_the_catalogue_lacks_is_unknown():
@@ -188,7 +188,7 @@ def test_several_effects_are_included_next_to_a_residual_without_a_name():
     diagnosis, _ = run(
         make_case(change, seed=56), without=frozenset({"speed_filter", "measurement_delay", "gear_compliance"})
     )
-    assert {("coulomb_friction", "both"), ("gyro_gain", "both")} <= set(blamed(diagnosis))
+    assert {("coulomb_friction", "both"), ("gyro_gain", "both")} <= set(included(diagnosis))
     assert diagnosis["verdict"] == "partial" and diagnosis["gap"]["rest"]["structured"]
     assert diagnosis["next_experiment"] is not None
     shares = {row.get("id", row["what"]): row["share"] for row in diagnosis["budget"]}
@@ -207,7 +207,7 @@ def test_headings_that_a_wrong_robot_suggests_do_not_hold_its_explanation():
         make_run(f"{kind}-{n}", model, robot, kind, seed=51 + n, slope=slope) for n, (kind, slope) in enumerate(kinds)
     )
     diagnosis, details = run(without(Case("askew", robot, runs), "x", "y", "yaw", "gyro_z"))
-    assert blamed(diagnosis) == [("driver_gain", "right")]
+    assert included(diagnosis) == [("driver_gain", "right")]
     assert not any("heading" in note for note in details.notes)
 
 
@@ -226,7 +226,7 @@ def test_what_the_channels_cannot_separate_is_declared_with_a_run_that_would():
 def test_one_run_works_with_halves_held_out_and_says_so():
     case = make_case(lambda m: m.add("coulomb", 0.05), seed=26, seconds=12.0)
     diagnosis, details = run(Case("one", case.robot, case.runs[1:2]))
-    assert blamed(diagnosis) == [("coulomb_friction", "both")]
+    assert included(diagnosis) == [("coulomb_friction", "both")]
     assert any("one run only" in note for note in details.notes)
 
 
@@ -244,7 +244,7 @@ def test_ripple_is_found_by_its_spectrum():
         model.put("ripple_phase", 1.0)
 
     diagnosis, _ = run(make_case(change, seed=28, seconds=12.0))
-    assert blamed(diagnosis) == [("torque_ripple", "both")]
+    assert included(diagnosis) == [("torque_ripple", "both")]
     found = diagnosis["effects"][0]["parameters"]
     assert found["cycles_per_rev"]["value"] == pytest.approx(23.0, abs=0.1)
     assert np.isclose(found["amplitude_nm"]["value"], 0.03, rtol=0.1)
@@ -267,7 +267,7 @@ def test_ripple_is_found_in_angles_and_gyro_where_no_speed_and_no_current_is_mea
 
     case = without(make_case(change, seed=29, seconds=12.0), "w_l", "w_r", "i_l", "i_r", "v_bus")
     diagnosis, _ = run(case)
-    assert blamed(diagnosis) == [("torque_ripple", "right")]
+    assert included(diagnosis) == [("torque_ripple", "right")]
     assert diagnosis["effects"][0]["parameters"]["cycles_per_rev"]["value"] == pytest.approx(7.0, abs=0.1)
 
 
@@ -278,7 +278,7 @@ def test_a_blemish_next_to_a_large_effect_is_not_blamed():
         model.scale("speed_gain", 1.002)
 
     diagnosis, _ = run(make_case(change, seed=30))
-    assert blamed(diagnosis) == [("coulomb_friction", "both")]
+    assert included(diagnosis) == [("coulomb_friction", "both")]
 
 
 @pytest.mark.parametrize("quantity,gain", [("gyro_gain", 1.001), ("speed_gain", 1.002), ("current_gain", 1.004)])
@@ -296,7 +296,7 @@ def test_a_fair_effect_is_no_blemish_for_a_small_one_next_to_it_that_explains_mo
         model.scale("resistance", 1.15, (0,))
 
     diagnosis, _ = run(make_case(change, seed=34))
-    assert set(blamed(diagnosis)) == {("command_delay", "both"), ("resistance_error", "left")}
+    assert set(included(diagnosis)) == {("command_delay", "both"), ("resistance_error", "left")}
 
 
 def test_intervals_have_room_for_another_formulation_of_friction():
@@ -320,7 +320,7 @@ def test_the_interval_of_a_speeds_lag_has_room_for_half_a_row_that_counting_take
 
     # Rows of 10 ms: the counts of one are on average half of it old.
     diagnosis, _ = run(make_case(change, seed=31))
-    assert blamed(diagnosis) == [("speed_filter", "both")]
+    assert included(diagnosis) == [("speed_filter", "both")]
     entry = diagnosis["effects"][0]["parameters"]["time_constant_s"]
     low, high = entry["ci90"]
     assert entry["value"] == pytest.approx(0.035, abs=0.001)

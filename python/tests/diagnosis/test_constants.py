@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 import rtds_host.diagnosis
-from rtds_host.diagnosis.constants import KINDS, by_room, constants, kind, main
+from rtds_host.diagnosis.constants import KINDS, by_folder, constants, kind, main
 
 ROWS = constants(Path(rtds_host.diagnosis.__file__).parent)
 
@@ -16,7 +16,7 @@ def test_each_constant_has_its_reason(row):
 
 
 def test_each_constant_is_counted_in_one_room():
-    assert sum(len(mine) for mine in by_room(ROWS).values()) == len(ROWS) > 50
+    assert sum(len(mine) for mine in by_folder(ROWS).values()) == len(ROWS) > 50
 
 
 def test_what_the_contract_sets_is_said_once():
@@ -64,12 +64,12 @@ def test_what_is_set_to_numbers_alone_is_a_constant_and_each_name_counts(tmp_pat
     assert [row[1:] for row in constants(tmp_path)] == [(*pair, "Why.") for pair in found]
 
 
-def test_the_rooms_counts_add_up_to_the_table(capsys):
+def test_the_folders_counts_add_up_to_the_table(capsys):
     main()
     table = [line.strip("| ").split(" | ") for line in capsys.readouterr().out.splitlines() if line.startswith("| ")]
-    head, *rooms = table[len(ROWS) + 1 :]
-    *rooms, whole = [[int(cell) for cell in row[1:]] for row in rooms]
-    assert whole == [sum(column) for column in zip(*rooms)] and whole[0] == sum(whole[1:-1]) == len(ROWS)
+    head, *folders = table[len(ROWS) + 1 :]
+    *folders, whole = [[int(cell) for cell in row[1:]] for row in folders]
+    assert whole == [sum(column) for column in zip(*folders)] and whole[0] == sum(whole[1:-1]) == len(ROWS)
     assert whole[-1] == sum(whole[head.index(which) - 1] for which in ("physical", "probability", "judgement"))
 
 

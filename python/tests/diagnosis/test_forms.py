@@ -119,7 +119,7 @@ FORMULAS = {
 
 
 @pytest.mark.parametrize("term", WORLDS)
-def test_a_nameless_term_gets_a_curve_in_its_equation_and_a_formula(term):
+def test_an_unmodelled_term_gets_a_curve_in_its_equation_and_a_formula(term):
     over, low, high, law = WORLDS[term]
     forms, before, truth = found_in(lambda model: with_form(model, term, over, low, high, law))
     assert [(entry["term"], entry["over"], entry["side"]) for entry in forms.entries] == [(term, over, "both")]

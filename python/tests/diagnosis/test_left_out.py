@@ -1,4 +1,4 @@
-"""What an explanation foretells of runs that it was not fitted to: as a fit without them does, and no better by what
+"""What an explanation predicts of runs that it was not fitted to: as a fit without them does, and no better by what
 they lack.
 """
 
@@ -41,7 +41,7 @@ def with_frictions(*frictions: float) -> Case:
     return Case("frictions", robot, tuple(runs))
 
 
-def test_a_run_left_out_is_foretold_as_by_a_fit_without_it():
+def test_a_run_left_out_is_predicted_as_by_a_fit_without_it():
     """Dry friction that is another in each run: what the others know of it is not what the run itself asks for."""
     case = with_frictions(0.029, 0.03, 0.031)
     search, fit = fitted(case, {COULOMB: {"torque_nm": 0.02}})
@@ -57,7 +57,7 @@ def test_a_run_left_out_is_foretold_as_by_a_fit_without_it():
 
 @pytest.mark.parametrize("searched", [1.0, 0.5], ids=["whole", "in stretches"])
 def test_of_a_single_run_each_half_is_left_out_in_turn(monkeypatch, searched):
-    """Its friction grows by a half on the way: each half is foretold by what the other says, and that is worse than
+    """Its friction grows by a half on the way: each half is predicted by what the other says, and that is worse than
     what both say.
     """
     robot = builtin_robot("burger")
@@ -85,7 +85,7 @@ def test_of_a_single_run_each_half_is_left_out_in_turn(monkeypatch, searched):
 
 
 def test_what_one_run_alone_knows_of_and_fits_amiss_in_the_others_is_not_included():
-    """A driver that was weak in one run of four: its gain follows that run, and the others are foretold worse
+    """A driver that was weak in one run of four: its gain follows that run, and the others are predicted worse
     with it.
     """
     robot = builtin_robot("burger")

@@ -201,7 +201,7 @@ def test_a_replay_that_runs_away_leaves_the_blocks_as_they_are(monkeypatch):
 
 
 # Laws of another world that no signature has the form of: their place follows from the blocks alone.
-NAMELESS = {
+UNMODELLED = {
     "commands in coarse steps": ("driver", {"id": "command_quantised", "side": "both", "parameters": {"quantum": 1.5}}),
     "a supply that gives way": (
         "driver",
@@ -246,7 +246,7 @@ def driven(machine, commanded=None):
     return changed(flat, of_that_machine)
 
 
-@pytest.mark.parametrize(("subsystem", "cause"), NAMELESS.values(), ids=NAMELESS)
+@pytest.mark.parametrize(("subsystem", "cause"), UNMODELLED.values(), ids=UNMODELLED)
 def test_what_the_catalogue_has_no_name_for_is_placed_in_its_subsystem(subsystem, cause):
     machine = planar.nominal_machine(builtin_robot("burger"))
     planar.apply_outside(machine, cause)

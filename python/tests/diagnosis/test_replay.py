@@ -489,7 +489,7 @@ def test_what_an_effect_changes_is_seen_by_longer_steps_too():
 
 
 @pytest.mark.parametrize("late", [0.004, -0.004, 0.0137, 50.0, -50.0])
-@pytest.mark.parametrize(("quantity", "late_ones"), [("gyro_late", {"gyro_z"}), ("pose_late", {"x", "y", "yaw"})])
+@pytest.mark.parametrize(("quantity", "late_ones"), [("gyro_delay", {"gyro_z"}), ("pose_delay", {"x", "y", "yaw"})])
 def test_a_clock_that_is_late_reports_what_was_earlier_between_samples_too(quantity, late_ones, late):
     """Before the first sample and behind the last one it reports these."""
     run = make_run("weave", nominal_model(ROBOT), ROBOT, "weave", seed=3)

@@ -327,18 +327,18 @@ def test_the_first_picture_is_what_the_gap_is_made_of(details, verdict):
     assert [float(width) / 100.0 for *_, width in drawn] == pytest.approx([row["share"] for row in rows], abs=1e-4)
     assert re.findall(r"<(?:svg|canvas)[^>]*", first)[:1] == (re.findall(r'<svg id="budget"[^>]*', first))
     assert all(text.strip() in first for text in re.findall(r'aria-label="shares of the difference: ([^;"]*)', first))
-    nameless = sum(row["share"] for row in rows if row["what"] == "rest")
-    assert verdict != "partial" or f"{100 * nameless:.0f} % of the difference is unmodelled" in words_of(
+    unmodelled = sum(row["share"] for row in rows if row["what"] == "rest")
+    assert verdict != "partial" or f"{100 * unmodelled:.0f} % of the difference is unmodelled" in words_of(
         sections(verdict, details)[1]
     )
-    assert ("url(#nameless)" in first) == any(row["what"] == "rest" for row in rows)
+    assert ("url(#unmodelled)" in first) == any(row["what"] == "rest" for row in rows)
 
 
 @pytest.mark.parametrize("verdict", ["unknown", "none"])
 def test_nothing_is_shown_with_effects_where_none_is_blamed(details, verdict):
     text = report_page(example_of(verdict), details)
     page = words_of(text)
-    for words in ("with the named effects", "with the blamed effects", "with effects", "is closed"):
+    for words in ("with the named effects", "with the included effects", "with effects", "is closed"):
         assert words not in page
     traces = traces_of(text)
     assert {line for channels in traces.values() for trace in channels.values() for line in trace} == {

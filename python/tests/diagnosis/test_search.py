@@ -134,7 +134,7 @@ def test_nearly_indistinguishable_effects_are_what_the_runs_lack_the_current_or_
     assert nearly_indistinguishable(case, cause) == expected
 
 
-def late_case(lates: dict[str, float]) -> Case:
+def delayed_case(command_delays: dict[str, float]) -> Case:
     """Four runs with a command delay of 0.15 s, of some of which the commands were recorded so much too early, s."""
     robot = builtin_robot("burger")
     model = nominal_model(robot)
@@ -142,7 +142,7 @@ def late_case(lates: dict[str, float]) -> Case:
     runs = []
     for k in range(4):
         run = make_run(f"r{k}", model, robot, ("steps", "weave")[k % 2], 8.0, k)
-        late = lates.get(run.name, 0.0)
+        late = command_delays.get(run.name, 0.0)
         commands = {c: np.interp(run.t + late, run.t, run.columns[c]) for c in ("v_cmd_l", "v_cmd_r")}
         runs.append(replace(run, columns={**run.columns, **commands}))
     return Case("late", robot, tuple(runs))
@@ -152,15 +152,15 @@ def test_a_run_whose_commands_act_later_than_the_others_does_not_bend_the_delay(
     """One link in four was set up 0.2 s late: the delay is that of the three, the one run's is noted, and gaps are
     judged without.
     """
-    problem = Problem(late_case({"r1": 0.2}))
+    problem = Problem(delayed_case({"r1": 0.2}))
     model = problem.nominal.copy()
     model.put("command_delay", 0.15)
     before = problem.gap(model)
     start = problem.aligned_commands(model)
-    assert dict(start.lates) == {"r1": pytest.approx(0.2, abs=0.01)}
+    assert dict(start.command_delays) == {"r1": pytest.approx(0.2, abs=0.01)}
     assert problem.gap_as_fitted(model.begun(start)) < 0.5 * before
     assert problem.gap_as_fitted(model) == problem.gap(model.begun(start)) == before
-    diagnosis, details = diagnose(late_case({"r1": 0.2}), quick=True)
+    diagnosis, details = diagnose(delayed_case({"r1": 0.2}), quick=True)
     (delay,) = diagnosis["effects"]
     assert delay["id"] == "command_delay"
     low, high = delay["parameters"]["seconds"]["ci90"]
@@ -169,12 +169,12 @@ def test_a_run_whose_commands_act_later_than_the_others_does_not_bend_the_delay(
 
 
 @pytest.mark.parametrize(
-    "lates,delay",
+    "command_delays,delay",
     [({}, 0.15), ({"r1": 0.2, "r2": 0.2}, 0.15), ({"r1": 0.2}, 0.0)],
     ids=["all alike", "half of them: no delay is common", "no delay known"],
 )
-def test_commands_are_late_in_single_runs_only_next_to_the_delay_of_most(lates, delay):
-    problem = Problem(late_case(lates))
+def test_commands_are_late_in_single_runs_only_next_to_the_delay_of_most(command_delays, delay):
+    problem = Problem(delayed_case(command_delays))
     model = problem.nominal.copy()
     model.put("command_delay", delay)
     assert problem.aligned_commands(model) == DECLARED
@@ -611,7 +611,7 @@ def test_nothing_missing_biases_nothing():
 
 def test_a_search_with_one_run_aligned_counts_only_if_it_leaves_less(monkeypatch):
     """What a tick of the driver's own makes of commands may look like a late link."""
-    case = late_case({})
+    case = delayed_case({})
     search = Search(Problem(case, 1), quick=True)
     best = search.begin()
     gaps_found, states = iter((3.0, 5.0)), []
@@ -621,12 +621,12 @@ def test_a_search_with_one_run_aligned_counts_only_if_it_leaves_less(monkeypatch
         return searches[0], SimpleNamespace(fit=searches[0].store.fits[()], gap=next(gaps_found))
 
     def aligned(problem, model):
-        return model.start.with_lates({"r1": 0.1})
+        return model.start.with_command_delays({"r1": 0.1})
 
     monkeypatch.setattr("rtds_host.diagnosis.diagnose.by_runs_left_out", scripted)
     monkeypatch.setattr(Problem, "aligned_commands", aligned)
     owner, taken = chosen_search(case, search, best, 1, frozenset())
-    assert [dict(start.lates) for start, _ in states[1]] == [{"r1": 0.1}] * 2
+    assert [dict(start.command_delays) for start, _ in states[1]] == [{"r1": 0.1}] * 2
     assert taken is best and (owner.store.fitter.start, owner.store.fits) == states[0][0]
 
 
@@ -865,7 +865,7 @@ def test_an_account_that_has_done_as_much_again_looks_for_no_look_alike_that_was
 
 
 def test_work_is_the_same_on_any_number_of_cores():
-    """Where a search ends must not hang on the machine."""
+    """Where a search ends must not depend on the machine."""
     done = []
     for threads in (1, 3):
         problem = Problem(make_case(lambda m: m.put("slip", 0.01)), threads)

@@ -10,7 +10,7 @@ from rtds_host.diagnosis.start import DECLARED
 
 STARTS = {
     "heading": DECLARED.with_headings({"steps": 0.4}),
-    "commands": DECLARED.with_lates({"weave": 0.05}),
+    "commands": DECLARED.with_command_delays({"weave": 0.05}),
 }
 
 

@@ -40,6 +40,35 @@ def test_a_line_that_is_too_long_is_found(tmp_path):
     assert done.returncode == 1 and "E501" in done.stdout
 
 
+# Where a function has the parameters of an interface, and need not use all of them.
+INTERFACES = {
+    "bench/sysid.py": "what MuJoCo's identification calls",
+    "blind": "draws of a kind, and equations of a world",
+    "cli/main.py": "a signal's handler",
+    "diagnosis/effects": "what an effect's file gives",
+    "scenario": "what builds a motion",
+    "webots/controller.py": "what opens an engine",
+}
+
+
+def unused(*words: str, cwd: Path = ROOT) -> list[str]:
+    """Parameters of functions that nothing uses: place and name, a line each."""
+    done = ruff("check", "--select", "ARG001", "--output-format", "concise", *words, cwd=cwd)
+    return [line for line in done.stdout.splitlines() if "ARG001" in line]
+
+
+def test_no_parameter_of_a_function_does_nothing():
+    places = tuple(f"python/rtds_host/{place}" for place in INTERFACES)
+    found = unused("python/rtds_host")
+    assert [line for line in found if not line.startswith(places)] == []
+    assert all(any(line.startswith(place) for line in found) for place in places), "an exception that nothing needs"
+
+
+def test_a_parameter_that_does_nothing_is_found(tmp_path):
+    (tmp_path / "one.py").write_text("def area(width, height, colour):\n    return width * height\n")
+    assert [line.split("`")[1] for line in unused("--isolated", "one.py", cwd=tmp_path)] == ["colour"]
+
+
 def test_make_lint_checks_what_the_rules_are_for():
     (recipe,) = re.findall(r"^lint: setup\n((?:\t.*\n)+)", (ROOT / "Makefile").read_text(), re.MULTILINE)
     assert f"ruff check {' '.join(SOURCES)}" in recipe

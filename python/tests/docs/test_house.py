@@ -101,6 +101,18 @@ def test_no_module_reaches_into_the_private_names_of_another():
     assert not found, "\n".join(found)
 
 
+def places_in_memory(tree: ast.AST) -> list[int]:
+    """Lines that ask for an object's place in memory, which another object may have later."""
+    calls = (n for n in ast.walk(tree) if isinstance(n, ast.Call))
+    return [n.lineno for n in calls if isinstance(n.func, ast.Name) and n.func.id == "id"]
+
+
+def test_nothing_is_looked_up_by_its_place_in_memory():
+    found = {p.relative_to(ROOT): places_in_memory(ast.parse(p.read_text())) for p in sorted(PACKAGE.rglob("*.py"))}
+    assert {path: lines for path, lines in found.items() if lines} == {}
+    assert places_in_memory(ast.parse("kept = {}\nkept[id(model)] = 1\nfit.id()")) == [2]
+
+
 @pytest.mark.parametrize(
     "text",
     [

@@ -88,7 +88,7 @@ def test_the_answer_that_is_given_is_let_through(said, now, tmp_path):
 def test_a_page_that_promises_a_cause_where_the_program_knows_none_is_caught(tmp_path):
     assert complaints(HEADLINE, UNKNOWN, tmp_path, UNKNOWN_TERMINAL)[:2] == [
         "rover: verdict known, now unknown",
-        "rover: effect coulomb_friction left, now not blamed",
+        "rover: effect coulomb_friction left, now not included",
     ]
 
 
@@ -97,8 +97,8 @@ TORQUE = ("effects", 0, "parameters", "torque_nm")
 
 @pytest.mark.parametrize(("path", "value", "complaint"), [
     (("verdict",), "partial", "verdict known, now partial"),
-    (("effects", 0, "side"), "right", "effect coulomb_friction left, now not blamed"),
-    (("effects", 0, "id"), "driver_deadzone", "effect driver_deadzone left not there, now blamed"),
+    (("effects", 0, "side"), "right", "effect coulomb_friction left, now not included"),
+    (("effects", 0, "id"), "driver_deadzone", "effect driver_deadzone left not there, now included"),
     ((*TORQUE, "ci90"), [0.1210, 0.1230], "coulomb_friction left torque_nm = 0.1202, now 0.1202 in [0.121, 0.123]"),
     (("gap", "refit"), 13.0, "gap refit 11.5, now 13.0"),
     (("gap", "after"), 1.2, "gap after 1.03, now 1.2"),
@@ -139,7 +139,7 @@ def test_an_indistinguishable_effect_is_not_taken_for_an_included_one(tmp_path):
 
 def test_an_effect_that_the_page_leaves_out_is_missed(tmp_path):
     said = PARTIAL_PAGE.replace("; command delay (0.03 s)", "")
-    assert complaints(said, PARTIAL, tmp_path) == ["truck: effect command_delay both not there, now blamed"]
+    assert complaints(said, PARTIAL, tmp_path) == ["truck: effect command_delay both not there, now included"]
 
 
 def test_a_size_without_an_interval_is_compared_to_ten_per_cent(tmp_path):

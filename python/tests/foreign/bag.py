@@ -98,7 +98,7 @@ class Clock:
     1970.
     """
 
-    late_s: float = 0.002
+    stamp_delay_s: float = 0.002
     start_s: int = 1_760_000_000
 
 
@@ -169,7 +169,7 @@ def record(path: Path, robot: Burger, kind: str, clock: Clock, chance: random.Ra
             put("/cmd_vel", "geometry_msgs/msg/Twist", {"linear": _vector(x=linear), "angular": _vector(z=angular)}, t)
         for t in reads:
             drive(t - 0.5 * STEP_S)
-            stamped = t + chance.uniform(0.0, clock.late_s)
+            stamped = t + chance.uniform(0.0, clock.stamp_delay_s)
             ns = clock.start_s * NS + round(stamped * NS)
             head = {"stamp": {"sec": ns // NS, "nanosec": ns % NS}, "frame_id": ""}
             heard = stamped + chance.uniform(0.0005, 0.002)

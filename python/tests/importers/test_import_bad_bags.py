@@ -368,7 +368,7 @@ def test_the_command_says_it_in_one_line(tmp_path, monkeypatch, capsys):
     assert said.err.count("\n") == 1 and said.err.startswith(f"rtds: {tmp_path / 'drive.mcap'}: no command signal")
 
 
-def test_late_samples_of_a_short_series():
+def test_delayed_samples_of_a_short_series():
     series = Series(np.array([0, NS, 2 * NS]), np.array([1.0, 2.0, 3.0]), "here")
     assert series.earlier(1, 0.0).values.tolist() == [2.0, 3.0]
     assert series.earlier(1, 0.0).t_ns.tolist() == [0, NS]

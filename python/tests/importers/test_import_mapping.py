@@ -206,7 +206,7 @@ def test_factors_of_common_units():
         ("[signal.w_l]\ntopic = '/a'", "needs the field"),
         ("[signal.speed]\ntopic = '/a'\nfield = 'x'", "is no channel of the contract"),
         ("[signal.v_bus]\ntopic = '/a'\nfield = 'x'\nreverse = 1", "true or false"),
-        ("[signal.w_l]\ntopic = '/a'\nfield = 'x'\nlate_samples = 0.5", "whole number"),
+        ("[signal.w_l]\ntopic = '/a'\nfield = 'x'\ndelay_samples = 0.5", "whole number"),
         ("[signal.w_l]\ntopic = '/a'\nfield = 'x'\nscale = 'two'", "finite number"),
         (f"[signal.w_l]\ntopic = '/a'\nfield = 'x'\nscale = {10**400}", "finite number"),
         ("[signal.w_l]\ntopic = '/a'\nfield = 'x'\nscale = 0", "scale is 0"),

@@ -84,7 +84,7 @@ def test_a_declared_unit_that_leaves_nothing_of_a_channel_is_said(tmp_path):
     )
 
 
-@pytest.mark.parametrize(("key", "value"), [("late_s", "1e300"), ("late_s", "-61"), ("late_samples", "1e9")])
+@pytest.mark.parametrize(("key", "value"), [("delay_s", "1e300"), ("delay_s", "-61"), ("delay_samples", "1e9")])
 def test_a_lateness_of_minutes_is_no_lateness(tmp_path, key, value):
     with pytest.raises(InputError, match=rf"{key} is .*, it must be at (least|most)"):
         bring(tmp_path, table(tmp_path, rows()), MAPPING.replace('unit = "mA"', f'unit = "mA", {key} = {value}'))

@@ -10,19 +10,26 @@ from rtds_host.plant.schema import ENTRIES
 ROOT = Path(rtds_host.__file__).parent
 
 
+def compared(tree: ast.AST) -> set[str]:
+    """Strings that something is compared with, by `==`, `in` or `match`."""
+    kinds = (ast.Compare, ast.MatchValue)
+    inside = (n for node in ast.walk(tree) if isinstance(node, kinds) for n in ast.walk(node))
+    return {n.value for n in inside if isinstance(n, ast.Constant) and isinstance(n.value, str)}
+
+
 def naming(root: Path) -> dict[str, set[str]]:
-    """Modules outside the catalogue and the blind worlds that name effects, parameters' names left out."""
+    """Modules outside the catalogue and the blind worlds that name effects. Where a parameter of the plant has an
+    effect's name, too, only what is compared with it counts.
+    """
     parameters = ENTRIES.keys() | {entry.export for entry in ENTRIES.values()}
-    effects = CATALOGUE.keys() - parameters
     found = {}
     for path in sorted(root.rglob("*.py")):
         name = path.relative_to(root).as_posix()
         if name.startswith(("blind/", "diagnosis/effects/")):
             continue
-        strings = {
-            n.value for n in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(n, ast.Constant)
-        }
-        if named := {s for s in strings if isinstance(s, str)} & effects:
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        strings = {n.value for n in ast.walk(tree) if isinstance(n, ast.Constant) and isinstance(n.value, str)}
+        if named := ((strings - parameters) | compared(tree)) & CATALOGUE.keys():
             found[name] = named
     return found
 
@@ -36,4 +43,6 @@ def test_no_other_module_names_an_effect():
 def test_a_special_case_is_found(tmp_path):
     (tmp_path / "plant").mkdir()
     (tmp_path / "plant" / "law.py").write_text('if effect == "coulomb_friction": pass\n')
-    assert naming(tmp_path) == {"plant/law.py": {"coulomb_friction"}}
+    (tmp_path / "plant" / "shared.py").write_text('LOOSE = effect in ("backlash", "stiffness")\n')
+    (tmp_path / "plant" / "parameter.py").write_text('play = model.get("backlash")\n')
+    assert naming(tmp_path) == {"plant/law.py": {"coulomb_friction"}, "plant/shared.py": {"backlash"}}

@@ -31,7 +31,7 @@ def test_any_name_that_a_diagnoser_blames_can_stand_in_the_score(tmp_path, capfd
             "answered": True,
             "verdict": "known",
             "kind": "known",
-            "blamed": [(name, "both")],
+            "included": [(name, "both")],
             "calibration": [],
         }
         for name in NAMES

@@ -53,7 +53,7 @@ def test_the_nominal_motor_is_the_replays():
     assert gap(pooled(fit.gap({}, (0, 1)))) < 0.5
 
 
-def test_friction_is_found_where_it_was_put_and_foretells_the_other_run():
+def test_friction_is_found_where_it_was_put_and_predicts_the_other_run():
     case = case_of([("coulomb_friction", {"torque_nm": 0.02})])
     fit = fit_of(case, EXPRESSED["coulomb_friction"])
     plain, values = gap(pooled(fit.gap({}, (1,)))), fit.fit((0,))

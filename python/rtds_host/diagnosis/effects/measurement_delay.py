@@ -9,7 +9,7 @@ from rtds_host.diagnosis.replay.model import LONGEST_DELAY_S
 from rtds_host.diagnosis.scales import Scales
 
 
-def _speed_late(
+def _speed_delayed(
     values: Mapping[str, float], scales: Scales, existing: Mapping[str, float] | None = None
 ) -> dict[str, float]:
     """The delay as one of the speed alone; after a lag that is there already."""
@@ -44,7 +44,7 @@ EFFECT = Effect(
     advice="Stamp the samples at the sensor, or shift them by the delay.",
     runs_in="signal",
     form=0.005,
-    likened={"speed_filter": _speed_late},
+    likened={"speed_filter": _speed_delayed},
     # No whole number of the log's rows: where a late command and a sample meet, rounding decides which comes first.
     compared_at={"seconds": 0.0127},
     same_as={"command_delay": no_pose},

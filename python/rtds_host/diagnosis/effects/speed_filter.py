@@ -15,7 +15,7 @@ def _apply(model: Model, sides: tuple[int, ...], values: Mapping[str, float]) ->
     model.add("speed_delay", late, sides)
 
 
-def _all_late(
+def _all_delayed(
     values: Mapping[str, float], scales: Scales, existing: Mapping[str, float] | None = None
 ) -> dict[str, float]:
     """The lag as one of all that is measured, which the angle tells from it; after one that is there already."""
@@ -64,7 +64,7 @@ EFFECT = Effect(
     seen_by=("w",),
     runs_in="signal",
     form=0.005,
-    likened={"measurement_delay": _all_late},
+    likened={"measurement_delay": _all_delayed},
     compared_at={"time_constant_s": 0.03, "delay_s": 0.0126},
     exports=reading("speed_filter_s; sensor delay: what of its lag is a delay"),
     resembles=(("speed_sensor", "w"),),

@@ -152,7 +152,7 @@ def _entry(problem: Problem, found: Found, form: Form, side: str, share: float) 
             continue
         gap = problem.gap(_with(problem, found.fit, form, side, formula.curve))
         if without - gap >= ENOUGH * (without - with_curve):
-            return {**entry, "formula": law.text, "parameters": formula.entry(form)}
+            return {**entry, "formula": law.text, "parameters": formula.entry()}
     return entry
 
 

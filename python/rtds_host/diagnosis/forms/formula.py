@@ -81,7 +81,7 @@ _ODD = (
         _scaled(*SCALES),
     ),
 )
-# How sharp a change of law at a place is, in shares of a curve's range: less than a point's distance from the next.
+# Numerical: how sharp a change of law at a place is, in shares of a curve's range: less than a point's distance.
 _SHARP = 120.0
 
 
@@ -169,7 +169,7 @@ class Formula:
     errors: np.ndarray
     curve: np.ndarray
 
-    def entry(self, form: Form) -> dict[str, dict]:
+    def entry(self) -> dict[str, dict]:
         """The parameters as a diagnosis has them; an interval is null where the runs do not pin it."""
         found = {}
         for name, value, error in zip(self.law.names, self.values, self.errors, strict=True):

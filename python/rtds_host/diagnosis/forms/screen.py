@@ -94,7 +94,7 @@ def screened(problem: Problem, fit: Fit, known: Sequence[Slopes]) -> list[Promis
     held, root, residual = held[thinned], root[thinned].astype(np.float32), fit.residual[thinned]
     white, common = root * residual, root[:, None] * common[thinned]
     own = prior_weight(fit.z, fit.u)[keep]
-    cost = _cost_of(problem, fit.noise, thinned)
+    cost = _cost_of(fit.noise, thinned)
     (begins, _), *_ = _left_out(white, common, own, held, len(folds), [np.eye(len(own))])
     plain = cost(begins / root)
     found = []
@@ -121,7 +121,7 @@ def _placed(count: int, one: Slopes, side: str) -> np.ndarray:
     return found
 
 
-def _cost_of(problem: Problem, noise: Likelihood, rows: np.ndarray) -> Callable[[np.ndarray], float]:
+def _cost_of(noise: Likelihood, rows: np.ndarray) -> Callable[[np.ndarray], float]:
     """-2 log likelihood of residuals in some rows, (m,), by a likelihood of all; plain squares without weights.
 
     Its own size in each group is estimated again. Squares with the weights of before would not do: they weigh a group

@@ -1,7 +1,7 @@
 """The search for forms: what named effects leave, as curves in the equations that lack something.
 
 One form is taken after the other, at most three. Derivatives say which are worth a fit; fits say what each leaves of
-runs left out, and that decides, as it does between effects (`choice`). So the equation is that which foretells other
+runs left out, and that decides, as it does between effects (`choice`). So the equation is that which predicts other
 runs, and not the one with the largest residual.
 """
 

@@ -181,7 +181,7 @@ def _compared(
         told += timed
         for c, rows in stuck.items():
             aside[c] = np.union1d(aside[c], rows) if c in aside else rows
-        for c, rows in glitches.beside_replay(log, case, bounds, noise, replayed).items():
+        for c, rows in glitches.against_replay(log, case, bounds, noise, replayed).items():
             aside[c] = np.union1d(aside[c], rows) if c in aside else rows
             told.append(_glitch(log, c, rows, int(np.isfinite(log.columns[c]).sum())))
         found += _commands(log, case) + told + compared.findings + sensors.motion(log, robot)
@@ -189,8 +189,8 @@ def _compared(
         runs.append(sensors.without(log, aside))
         replays.append((runs[-1], replayed))
     units.refuse_exchanged(case, replays)
-    cleaned, told_of = contradictions.settled(replace(case, runs=tuple(runs)), replayed_runs)
-    return cleaned, found + told_of, lags
+    cleaned, notes_on_them = contradictions.settled(replace(case, runs=tuple(runs)), replayed_runs)
+    return cleaned, found + notes_on_them, lags
 
 
 def _commands(log: RunLog, case: Case) -> list[Finding]:

@@ -8,7 +8,7 @@ from rtds_host.contract import Case
 
 SEVERITIES = ("note", "warning", "fatal")
 # Layout: runs that are each told the same; of more one is told for all.
-TOLD = 4
+LISTED = 4
 
 
 @dataclass(frozen=True)
@@ -72,14 +72,14 @@ class Gate:
 
 
 def merged(found: list[Finding], runs: int) -> list[Finding]:
-    """One finding in place of the same in every run (of `runs`), or in more than `TOLD`."""
+    """One finding in place of the same in every run (of `runs`), or in more than `LISTED`."""
     groups: dict[tuple[str, str, str], list[Finding]] = {}
     for f in found:
         groups.setdefault((f.channel, f.kind, f.severity), []).append(f)
     result = []
     for group in groups.values():
         names = list(dict.fromkeys(f.run for f in group))
-        if runs > 1 and len(names) == runs or len(names) > TOLD:
+        if runs > 1 and len(names) == runs or len(names) > LISTED:
             worst = max(group, key=lambda f: f.share)
             where = "every run" if len(names) == runs else f"{len(names)} of {runs} runs"
             result.append(

@@ -152,7 +152,7 @@ def _found(
             usual = float(np.quantile(np.abs(np.diff(v[~far])), 1.0 - FEW_SHARE))
             alone = np.array(
                 [
-                    _stands_alone(log, case, bounds, c, rows, k, off[k], span[k], events, spikes)
+                    _is_isolated(log, case, bounds, c, rows, k, off[k], span[k], events, spikes)
                     and (
                         seen
                         or c[0] in "wi"
@@ -226,7 +226,7 @@ def _full(log: RunLog, case: Case, bounds: Limits) -> float:
     return full if np.isfinite(full) else float(np.max(np.abs(log.commands(case.robot.driver.mode)))) or 1.0
 
 
-def _stands_alone(
+def _is_isolated(
     log: RunLog,
     case: Case,
     bounds: Limits,
@@ -283,7 +283,7 @@ def _alone(log: RunLog, rows: np.ndarray, k: int, c: str, events: dict[str, np.n
     )
 
 
-def beside_replay(
+def against_replay(
     log: RunLog, case: Case, bounds: Limits, noise: dict[str, float], replayed: np.ndarray
 ) -> dict[str, np.ndarray]:
     """Channel -> rows (k,) of samples that stand out of all else that the nominal robot leaves of a run.

@@ -65,8 +65,8 @@ def current_block(run: Signals, k: int) -> None:
         bus = smooth(filled(t, run.bus) - (run.supply - run.sag), run.half) / run.supply
         run.volt_columns("driver:bus", k, bus * end, middles(bus) * mean)
     for delay in DELAYS_S:
-        late_end, late_mean = run.held(volts, run.delay + delay)
-        run.volt_columns(f"timing:late@{delay:g}", k, late_end - end, late_mean - mean, late=True)
+        delayed_end, delayed_mean = run.held(volts, run.delay + delay)
+        run.volt_columns(f"timing:delay@{delay:g}", k, delayed_end - end, delayed_mean - mean, delayed=True)
 
     run.volt_columns(f"winding:resistance_{s}", k, -res * i, -middles(res * i))
     for seconds in HEATS_S:

@@ -236,7 +236,7 @@ def _current_columns(wheel: _Wheel) -> None:
     res, _, ke, _ = run.electric[k]
     w, i = run.w[k], run.i[k]
     if run.has_i[k] and run.voltage_mode:
-        # What the current does between its samples hangs on the winding too.
+        # What the current does between its samples depends on the winding too.
         within = run.km[k] * ke / middles(res) * (w[1:] - run.w_mean[k])
         put(f"winding:resistance_{s}", -within)
         put(f"winding:constant_{s}", within)

@@ -40,7 +40,7 @@ FAINT = 0.05
 # The signature of a current sensor that lies in whatever way.
 CURRENT_FAULT = "sensing:current_fault"
 # The signature of voltages that act late, one a delay.
-DELAYED = "timing:late"
+DELAYED = "timing:delay"
 # Entries of a model by which a wheel shakes behind its gear.
 LOOSE = ("backlash", "stiffness")
 # Numerical: a block that has left all bounds says no more than that, in units of noise.

@@ -292,16 +292,16 @@ class Signals:
         column = self.columns.setdefault(cause, {})
         column[block] = column[block] + values if block in column else values
 
-    def volt_columns(self, cause: str, k: int, end: np.ndarray, mean: np.ndarray, late: bool = False) -> None:
+    def volt_columns(self, cause: str, k: int, end: np.ndarray, mean: np.ndarray, delayed: bool = False) -> None:
         """A voltage beyond the modelled one, just before each row and in the mean of each interval.
 
-        With a measured current only a `late` voltage reaches the torque: the samples miss what lies between them.
+        With a measured current only a `delayed` voltage reaches the torque: the samples miss what lies between them.
         """
         res = self.electric[k][0]
         s = self.robot.sides[k]
         if self.has_i[k]:
             self.put(cause, f"current_{s}", end / res)
-            if late:
+            if delayed:
                 self.torque_columns(cause, k, self.km[k] * (mean - end[1:]) / middles(res))
         else:
             self.torque_columns(cause, k, self.km[k] * mean / middles(res))

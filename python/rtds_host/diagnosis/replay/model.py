@@ -40,8 +40,8 @@ WEIGHTLESS = 1e-6
 LONGEST_DELAY_S = 1.0
 # Outputs of devices with a clock of their own.
 CLOCKS = {
-    "gyro_late": slice(OUTPUT_INDEX["gyro_z"], OUTPUT_INDEX["gyro_z"] + 1),
-    "pose_late": slice(OUTPUT_INDEX["x"], OUTPUT_INDEX["yaw"] + 1),
+    "gyro_delay": slice(OUTPUT_INDEX["gyro_z"], OUTPUT_INDEX["gyro_z"] + 1),
+    "pose_delay": slice(OUTPUT_INDEX["x"], OUTPUT_INDEX["yaw"] + 1),
 }
 
 

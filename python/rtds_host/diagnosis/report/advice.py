@@ -68,7 +68,7 @@ NOWHERE = "The runs do not show where: record current, gyro and pose too, as far
 
 
 def _of_effect(diagnosis: dict[str, Any], effect: dict[str, Any]) -> tuple[str, list[str]]:
-    """One blamed effect: a check first; a remedy only where nothing else would show the same."""
+    """One included effect: a check first; a remedy only where nothing else would show the same."""
     known = CATALOGUE[effect["id"]]
     name = listed_name(effect)
     if indistinguishable := indistinguishable_from(diagnosis, effect):
@@ -138,9 +138,9 @@ def next_steps(diagnosis: dict[str, Any], details: Details) -> list[tuple[str, l
     if verdict in ("partial", "unknown"):
         place = residual.get("subsystem")
         words = f"the {SUBSYSTEM_WORDS[place]}" if place else "a place that is not known"
-        nameless = sum(row["share"] for row in diagnosis["budget"] if row["what"] == "rest")
+        unmodelled = sum(row["share"] for row in diagnosis["budget"] if row["what"] == "rest")
         title = (
-            f"{percent(nameless)} of the difference is unmodelled; most of it shows in {words}."
+            f"{percent(unmodelled)} of the difference is unmodelled; most of it shows in {words}."
             if verdict == "partial"
             else f"The difference shows most in {words}."
         )

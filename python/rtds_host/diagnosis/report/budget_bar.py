@@ -49,7 +49,7 @@ def budget_bar(diagnosis: dict[str, Any]) -> str:
         return ""
     patterns = [
         _pattern(
-            "nameless",
+            "unmodelled",
             "var(--paper)",
             '<path d="M-2 2 L2 -2 M0 8 L8 0 M6 10 L10 6" stroke="var(--soft)" stroke-width="2.4"/>',
         ),
@@ -68,7 +68,7 @@ def budget_bar(diagnosis: dict[str, Any]) -> str:
         elif row["what"] == "tolerance":
             name, (ground, ink) = "tolerance", _TOLERANCE
         else:
-            name, ground, ink = "nameless", "var(--paper)", "var(--ink)"
+            name, ground, ink = "unmodelled", "var(--paper)", "var(--ink)"
         width = max(share, 0.0)
         label = (
             f'<text x="{100 * (at + width / 2):.3f}%" y="{HEIGHT / 2 + 5:g}" text-anchor="middle" style="fill:{ink};'

@@ -29,8 +29,8 @@ SETUP_WORDS = {
     "anti_windup": ("anti-windup: share of the clipped voltage that the servo's integral gives up", 1.0, ""),
     "command_early_s": ("a command acts before the row that shows it by", 1e3, "ms"),
     "encoder_at_wheel": ("the encoder sits on the wheel, behind spring and free play", 1.0, ""),
-    "gyro_late_s": ("the gyro's clock is behind the wheels' by", 1e3, "ms"),
-    "pose_late_s": ("the pose's clock is behind the wheels' by", 1e3, "ms"),
+    "gyro_delay_s": ("the gyro's clock is behind the wheels' by", 1e3, "ms"),
+    "pose_delay_s": ("the pose's clock is behind the wheels' by", 1e3, "ms"),
 }
 EFFECTS_HEAD = (
     ("effect", False),
@@ -144,7 +144,7 @@ def _explanation(
 def _explanations(diagnosis: dict[str, Any], details: Details) -> str:
     """Whole sets of causes that were weighed, and those that were only tried."""
     reasons = {_key(c.effects): c for c in details.candidates}
-    blamed = _key(diagnosis["effects"])
+    included = _key(diagnosis["effects"])
     rows, attributes, seen = [], [], set()
     for alternative in diagnosis["alternatives"]:
         key = _key(alternative["effects"])
@@ -152,7 +152,7 @@ def _explanations(diagnosis: dict[str, Any], details: Details) -> str:
         rows.append(_explanation(alternative["effects"], alternative["probability"], reasons.get(key)))
         attributes.append(
             f'data-probability="{alternative["probability"]:.6g}"'
-            + (' class="blamed"' if key == blamed and diagnosis["verdict"] != "unknown" else "")
+            + (' class="included"' if key == included and diagnosis["verdict"] != "unknown" else "")
         )
     head = [("exactly these causes", False), ("weight", True), ("explains, noise²", True), ("why", False)]
     parts = [

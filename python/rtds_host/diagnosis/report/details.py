@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 class Trace:
     """One channel of one run: `t` (n,) s; the others (n,) in the channel's unit, NaN where there is no sample.
 
-    `nominal` is the replay of robot.toml as it is, `refit` with nuisances, `after` with the blamed effects too;
+    `nominal` is the replay of robot.toml as it is, `refit` with nuisances, `after` with the included effects too;
     None leaves a line out.
     """
 
@@ -41,7 +41,7 @@ class Candidate:
     improvement : what it explains, in units of noise squared per sample (mean fall of the squared error), None where it
     was
         not fitted.
-    verdict : "blamed", "alike" (cannot be told from what is blamed) or "rejected".
+    verdict : "included", "alike" (cannot be told from what is included) or "rejected".
     reason : one clause, why it was rejected or accepted.
     """
 
@@ -58,14 +58,15 @@ class Details:
     """Everything the report shows that `diagnosis.json` does not hold.
 
     case : as read. gate : findings on the data. localisation : blocks on the refitted nominal model.
-    localisation_after : the same with the blamed effects, or None.
+    localisation_after : the same with the included effects, or None.
     candidates : what was tried, best first.
     traces : run -> channel -> Trace; any number, the report decimates them.
     regimes : regime -> {"before", "refit", "after"}, gap in units of noise, on held-out runs.
     run_gaps : run -> {"before", "refit", "after"}.
-    decided : (id, side) of a blamed effect -> the channel that misses it most, and that channel's gap without and with
-    it. repeats : (id, side) of a blamed effect -> on how many halves of the data it was found again, and of how many.
-    over_runs : (id, side) of a blamed effect or "form:term:over" and side -> its size in each run, of what differs
+    decided : (id, side) of an included effect -> the channel that misses it most, and that channel's gap without and
+    with it. repeats : (id, side) of an included effect -> on how many halves of the data it was found again, and of how
+    many.
+    over_runs : (id, side) of an included effect or "form:term:over" and side -> its size in each run, of what differs
     between runs.
     seconds : time the diagnosis took; printed on the terminal only, so that the report stays the same to the byte.
     """

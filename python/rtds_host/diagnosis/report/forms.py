@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from rtds_host.diagnosis.effects import CATALOGUE
+from rtds_host.diagnosis.forms.formula import NORMAL_90
 from rtds_host.diagnosis.report.details import Details
 from rtds_host.diagnosis.report.html import section
 from rtds_host.diagnosis.report.words import (
@@ -22,8 +23,6 @@ from rtds_host.diagnosis.report.words import (
 )
 from rtds_host.plant import forms as plant
 
-# Standard errors to either side of 90 % of a normal (contract: 90 % intervals).
-BAND = 1.645
 # Layout: the drawing, and its bars of data, in the drawing's own units.
 WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM, BARS = 440, 280, 62, 12, 12, 84, 34
 BINS = 32
@@ -83,7 +82,7 @@ def _drawing(form: dict[str, Any], details: Details, name: str) -> str:
     """The curve as SVG: band, line, points, axes, and bars where data lie."""
     curve = np.asarray(form["curve"], dtype=float)
     x, y, error = curve.T
-    low, high = float((y - BAND * error).min()), float((y + BAND * error).max())
+    low, high = float((y - NORMAL_90 * error).min()), float((y + NORMAL_90 * error).max())
     low, high = min(low, 0.0), max(high, 0.0)
     pad = 0.06 * (high - low) or 0.5
     low, high = low - pad, high + pad
@@ -120,13 +119,13 @@ def _drawing(form: dict[str, Any], details: Details, name: str) -> str:
         if n
     ]
     parts += [
-        f'<polygon class="band" points="{points(y + BAND * error)} '
-        f'{points(y - BAND * error, slice(None, None, -1))}"/>',
+        f'<polygon class="band" points="{points(y + NORMAL_90 * error)} '
+        f'{points(y - NORMAL_90 * error, slice(None, None, -1))}"/>',
         f'<line class="zero" x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{py(0):.1f}" y2="{py(0):.1f}"/>',
         f'<polyline class="curve" points="{points(y)}"/>',
         *(
             f'<circle class="curve" cx="{px(a):.1f}" cy="{py(b):.1f}" r="2.4"><title>{number(a)} {escape(unit_x)}: '
-            f"{number(b)} ± {number(BAND * e)} {escape(unit_y)}</title></circle>"
+            f"{number(b)} ± {number(NORMAL_90 * e)} {escape(unit_y)}</title></circle>"
             for a, b, e in curve
         ),
         f'<text x="{(LEFT + WIDTH - RIGHT) / 2}" y="{HEIGHT - 12}" text-anchor="middle">{escape(over)} '

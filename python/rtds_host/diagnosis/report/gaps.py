@@ -29,12 +29,12 @@ def _gap_table(
     first: str,
     gaps: Mapping[str, Mapping[str, float | None]],
     name: str,
-    blamed: bool,
+    included: bool,
     words: dict[str, str] | None = None,
 ) -> str:
     if not gaps:
         return ""
-    models = MODELS if blamed else MODELS[:2]
+    models = MODELS if included else MODELS[:2]
     values = [entry.get(k) for entry in gaps.values() for k, _ in models]
     top = max((v for v in values if v is not None and math.isfinite(v)), default=1.0)
     rows = [
@@ -67,7 +67,7 @@ def _not_counted(details: Details, counted: Iterable[str]) -> str:
 
 def gaps(diagnosis: dict[str, Any], details: Details) -> str:
     """The section on the gap's size."""
-    gap, blamed = diagnosis["gap"], bool(diagnosis["effects"])
+    gap, included = diagnosis["gap"], bool(diagnosis["effects"])
     channels = gap.get("channels") or {}
     worst_first = dict(sorted(channels.items(), key=lambda item: -misfit(diagnosis, item[0])))
     names = {c: channel_name(c) for c in channels}
@@ -75,10 +75,10 @@ def gaps(diagnosis: dict[str, Any], details: Details) -> str:
         '<p class="small soft">Root mean square of replay minus measured in units of noise, of each run by the fit '
         "without it (one step from the fit to all; of a single run each half). Which effects that holds was decided by "
         "all runs. Channels are in order of misfit.</p>",
-        _gap_table("channel", worst_first, "channels", blamed, names),
+        _gap_table("channel", worst_first, "channels", included, names),
         _not_counted(details, channels),
     ]
-    if blamed and gap.get("closed") is not None:
+    if included and gap.get("closed") is not None:
         interval = gap.get("closed_ci90")
         another = (
             f"; of another run of this robot {percent(interval[0])} to {percent(interval[1])} (90 % interval)"
@@ -90,9 +90,9 @@ def gaps(diagnosis: dict[str, Any], details: Details) -> str:
             f"{another}.</p>"
         )
     if details.regimes:
-        parts += ["<h3>By regime</h3>", _gap_table("regime", details.regimes, "regimes", blamed)]
+        parts += ["<h3>By regime</h3>", _gap_table("regime", details.regimes, "regimes", included)]
     if details.run_gaps:
-        parts += ["<h3>By run</h3>", _gap_table("run", details.run_gaps, "runs", blamed)]
+        parts += ["<h3>By run</h3>", _gap_table("run", details.run_gaps, "runs", included)]
     return section("sizes", "The gap by channel, regime and run", "".join(parts))
 
 

@@ -14,11 +14,11 @@ from rtds_host.diagnosis.report.words import SUBSYSTEM_WORDS, number, percent
 POOR = 1.3
 
 
-def _blocks(details: Details, blamed: bool) -> str:
+def _blocks(details: Details, included: bool) -> str:
     local = details.localisation
     if local is None or not local.blocks:
         return ""
-    corrected = details.localisation_after if blamed else None
+    corrected = details.localisation_after if included else None
     after = {b.name: b.score for b in corrected.blocks} if corrected else {}
     # What is beyond a perfect robot's score, on a scale on which a good one has hardly a bar.
     top = max(2.0, *(b.score - 1.0 for b in local.blocks))

@@ -9,11 +9,11 @@
   const { paths, channels } = JSON.parse(document.getElementById("paths").textContent);
   const lines = [["nominal", [8, 4], 1.6], ["refit", [2, 3], 1.8], ["after", [], 2], ["measured", [], 1]];
   const words = { measured: "measured", nominal: "replay, nominal", refit: "replay, motor values refitted",
-    after: "replay with the blamed effects" };
+    after: "replay with the included effects" };
   const spoken = { measured: "measured", nominal: "nominal", refit: "refitted", after: "with effects" };
   const runs = Object.keys(data);
   const present = new Set(runs.flatMap((r) => Object.values(data[r]).flatMap((t) => Object.keys(t))));
-  // Where nothing is blamed, the refitted robot is the best replay there is.
+  // Where nothing is included, the refitted robot is the best replay there is.
   const shown = { measured: true, nominal: true, refit: !present.has("after"), after: true };
   const style = () => getComputedStyle(document.documentElement);
   const select = document.getElementById("run"), readout = document.getElementById("readout");

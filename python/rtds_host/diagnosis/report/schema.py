@@ -41,9 +41,9 @@ def validate(diagnosis: dict[str, Any]) -> None:
             f"diagnosis.json: effects: {len(diagnosis['effects'])} of them although the verdict is {verdict}"
         )
     _check_forms(diagnosis)
-    blamed = {(e["id"], e["side"]) for e in diagnosis["effects"]}
+    included = {(e["id"], e["side"]) for e in diagnosis["effects"]}
     for causes in diagnosis["indistinguishable"]:
-        if not blamed & {(m["id"], m["side"]) for m in causes}:
+        if not included & {(m["id"], m["side"]) for m in causes}:
             raise ValueError("diagnosis.json: indistinguishable: a set holds no named effect")
     open_end = verdict in ("partial", "unknown") or diagnosis["indistinguishable"]
     if open_end and diagnosis["next_experiment"] is None:

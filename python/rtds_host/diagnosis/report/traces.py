@@ -54,8 +54,8 @@ def _times(trace: Trace, rows: np.ndarray) -> list[float]:
     return np.round(trace.t[rows] - trace.t[0], TIME_DECIMALS).tolist()
 
 
-def _lines(trace: Trace, blamed: bool) -> dict[str, np.ndarray]:
-    names = ("nominal", "refit", "after") if blamed else ("nominal", "refit")
+def _lines(trace: Trace, included: bool) -> dict[str, np.ndarray]:
+    names = ("nominal", "refit", "after") if included else ("nominal", "refit")
     found = {name: getattr(trace, name) for name in names}
     return {
         "measured": trace.measured,
@@ -63,14 +63,14 @@ def _lines(trace: Trace, blamed: bool) -> dict[str, np.ndarray]:
     }
 
 
-def decimated(trace: Trace, unit: str, noise: float | None, blamed: bool) -> dict[str, Any]:
+def decimated(trace: Trace, unit: str, noise: float | None, included: bool) -> dict[str, Any]:
     """A trace with at most two samples a bucket, as the script takes it."""
     rows = _buckets(trace.measured)
-    lines = {name: _plain(values[rows]) for name, values in _lines(trace, blamed).items()}
+    lines = {name: _plain(values[rows]) for name, values in _lines(trace, included).items()}
     return {"unit": unit, "noise": noise, "t": _times(trace, rows), **lines}
 
 
-def path_of(channels: dict[str, Trace], blamed: bool) -> dict[str, Any] | None:
+def path_of(channels: dict[str, Trace], included: bool) -> dict[str, Any] | None:
     """The way over the floor: times and, of each line, x and y at the same rows; None without a pose."""
     if "x" not in channels or "y" not in channels or len(channels["x"].t) != len(channels["y"].t):
         return None
@@ -79,8 +79,8 @@ def path_of(channels: dict[str, Trace], blamed: bool) -> dict[str, Any] | None:
     if not np.isfinite(both).any():
         return None
     rows = np.unique(np.concatenate([_buckets(both), _buckets(np.where(np.isfinite(both), y.measured, np.nan))]))
-    ways = {name: values for name, values in _lines(x, blamed).items() if name in _lines(y, blamed)}
-    of_y = _lines(y, blamed)
+    ways = {name: values for name, values in _lines(x, included).items() if name in _lines(y, included)}
+    of_y = _lines(y, included)
     return {
         "t": _times(x, rows),
         "x": {name: _plain(values[rows]) for name, values in ways.items()},
@@ -138,14 +138,14 @@ CONTROLS = (
 
 def plots(diagnosis: dict[str, Any], details: Details) -> str:
     """The section with the plots, "" where there are no traces. Channels stand in order of misfit."""
-    blamed, noise = bool(diagnosis["effects"]), details.case.robot.noise
+    included, noise = bool(diagnosis["effects"]), details.case.robot.noise
     data, paths, names = {}, {}, {}
     for run, channels in details.traces.items():
         if not channels:
             continue
         order = sorted(channels, key=lambda c: -misfit(diagnosis, c))
-        data[run] = {c: decimated(channels[c], unit_of_channel(c), noise(c), blamed) for c in order}
-        path = path_of(channels, blamed)
+        data[run] = {c: decimated(channels[c], unit_of_channel(c), noise(c), included) for c in order}
+        path = path_of(channels, included)
         if path is not None:
             paths[run] = path
         names.update({c: {"name": channel_name(c), "note": _note(diagnosis, c, details)} for c in order})

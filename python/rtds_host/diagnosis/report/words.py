@@ -263,7 +263,7 @@ def budget_words(diagnosis: dict[str, Any]) -> list[tuple[str, float]]:
 
 
 def by_share(diagnosis: dict[str, Any]) -> list[dict[str, Any]]:
-    """The blamed effects, the one that makes most of the gap first."""
+    """The included effects, the one that makes most of the gap first."""
     shares = {(row["id"], row["side"]): row["share"] for row in diagnosis["budget"] if row["what"] == "effect"}
     return sorted(diagnosis["effects"], key=lambda e: -shares.get((e["id"], e["side"]), 0.0))
 
@@ -303,7 +303,7 @@ def manoeuvre(plan: dict[str, Any]) -> str:
 
 
 def indistinguishable_from(diagnosis: dict[str, Any], effect: dict[str, Any]) -> list[dict[str, str]]:
-    """What these runs cannot tell from a blamed effect."""
+    """What these runs cannot tell from an included effect."""
     me = (effect["id"], effect["side"])
     return [
         m
@@ -348,14 +348,14 @@ def verdict_sentence(diagnosis: dict[str, Any]) -> str:
         text += f" {percent(residual.get('share'))} of it is unmodelled" + (
             f", most of that in the {place}." if place else "."
         )
-    blamed = {(e["id"], e["side"]): e["probability"] for e in effects}
+    included = {(e["id"], e["side"]): e["probability"] for e in effects}
     for causes in diagnosis["indistinguishable"]:
-        mine = [m for m in causes if (m["id"], m["side"]) in blamed]
-        others = [m for m in causes if (m["id"], m["side"]) not in blamed]
+        mine = [m for m in causes if (m["id"], m["side"]) in included]
+        others = [m for m in causes if (m["id"], m["side"]) not in included]
         if mine and others:
             text += (
                 f" These runs cannot tell {effect_name(mine[0])} from "
                 + " or ".join(effect_name(m) for m in others)
-                + f", which leaves it {percent(blamed[mine[0]['id'], mine[0]['side']])} probable."
+                + f", which leaves it {percent(included[mine[0]['id'], mine[0]['side']])} probable."
             )
     return text

@@ -79,7 +79,7 @@ class Search:
         if suggested.headings and not store.closed(found):
             # Headings that the nominal robot suggests are bent by what it lacks: once more from the declared ones.
             first, store.fits = store.fits, {}
-            store.fitter.start = suggested.with_headings({}).with_lates({})
+            store.fitter.start = suggested.with_headings({}).with_command_delays({})
             other = self._search()
             if store.score(found) < store.score(other):
                 store.fits, other = first, found

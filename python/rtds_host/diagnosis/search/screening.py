@@ -47,7 +47,7 @@ class Screening:
         """The same by signatures that are taken on top of the fit, and what the next screening begins with. What
         promised little by the signatures of the last screening, and slow effects, keep these.
 
-        What an effect promises hangs on the residuals much more than on the robot that it is added to.
+        What an effect promises depends on the residuals much more than on the robot that it is added to.
         """
         problem = store.problem
         periodic = [effect.id for effect in store.effects.values() if effect.periodic]

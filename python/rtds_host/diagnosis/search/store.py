@@ -177,7 +177,7 @@ class Store:
         """Of each explanation the fit, that by plain squares from no nuisance, and that by the likelihood from there.
 
         A logarithm of squares has many local optima, since what fits a stretch well makes that stretch heavy; plain
-        squares have few, and do not hang on the noise that is declared. Which one is best runs left out decide.
+        squares have few, and do not depend on the noise that is declared. Which one is best runs left out decide.
         Graduated non-convexity: A. Blake, A. Zisserman, Visual Reconstruction, 1987.
         """
         white = self.problem.white()

@@ -27,7 +27,7 @@ def promised(store: Store, screens: Sequence[Screen], fit: Fit, count: int) -> l
 
 def extended(store: Store, screens: Sequence[Screen], fit: Fit, count: int) -> Fit | None:
     """The most probable of these that is more so than the fit; None if there is none. Which ones are fitted in earnest
-    hangs on their rough fits."""
+    depends on their rough fits."""
     found = store.try_fits(promised(store, screens, fit, count), rough=True)
     found = sorted((f for f in found if store.score(f) < store.score(fit)), key=store.score)
     best = None

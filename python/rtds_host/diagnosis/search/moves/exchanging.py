@@ -25,7 +25,7 @@ EARNEST, EARNEST_PAIRS = 3, 2
 
 def exchanged(store: Store, screening: Screening, fit: Fit, count: int) -> Fit:
     """The explanation, or a better one with another side of an effect or what the screening without it promises, up to
-    `count` of each screening. What is mixed and what is fitted in earnest hangs on rough fits."""
+    `count` of each screening. What is mixed and what is fitted in earnest depends on rough fits."""
     starts: list[Proposal] = []
     swaps: list[Proposal] = []
     found: list[Fit] = []
