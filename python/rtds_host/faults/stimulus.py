@@ -28,11 +28,6 @@ class Stimulus:
     t_s: np.ndarray
     values: dict[str, np.ndarray]
 
-    @property
-    def plays_voltages(self) -> bool:
-        """Whether any voltage comes from the file."""
-        return any(name in self.values for name in VOLTAGES)
-
     def __str__(self) -> str:
         return f"{self.path.name} played into {', '.join(self.values)}, {len(self.t_s)} rows"
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ast
+import re
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -24,6 +26,8 @@ FOREIGN = {
     "_run_finalizers": "multiprocessing.util",
     "_writer": "concurrent.futures",
 }
+# Names that other libraries call: click's of a group of commands, http.server's of a request.
+CALLED_BY_OTHERS = {"do_" + "GET", "format_" + "commands", "list_" + "commands"}
 BY_NAME = {"delattr", "getattr", "hasattr", "setattr"}
 
 
@@ -111,6 +115,30 @@ def test_nothing_is_looked_up_by_its_place_in_memory():
     found = {p.relative_to(ROOT): places_in_memory(ast.parse(p.read_text())) for p in sorted(PACKAGE.rglob("*.py"))}
     assert {path: lines for path, lines in found.items() if lines} == {}
     assert places_in_memory(ast.parse("kept = {}\nkept[id(model)] = 1\nfit.id()")) == [2]
+
+
+def defined_functions(tree: ast.AST) -> set[str]:
+    """Functions, classes and methods that a module defines, without those that Python itself calls."""
+    kinds = ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef
+    return {n.name for n in ast.walk(tree) if isinstance(n, kinds) and not n.name.startswith("__")}
+
+
+def mentioned_once(definitions: set[str], texts: list[str]) -> set[str]:
+    """Of some names those that all texts together hold once: where they are defined."""
+    words = Counter(word for text in texts for word in re.findall(r"\w+", text))
+    return {name for name in definitions if words[name] < 2}
+
+
+def test_nothing_is_defined_that_nothing_uses():
+    places = [ROOT / name for name in ("python", "tb", "sim", "examples", "docs")]
+    sources = [p for place in places for kind in ("py", "md", "ipynb") for p in place.rglob(f"*.{kind}")]
+    names = set().union(*(defined_functions(ast.parse(p.read_text())) for p in PACKAGE.rglob("*.py")))
+    assert mentioned_once(names, [p.read_text(errors="replace") for p in sources]) == CALLED_BY_OTHERS
+
+
+def test_what_nothing_uses_is_found():
+    text = "def used(): pass\ndef left(): used()\n"
+    assert mentioned_once(defined_functions(ast.parse(text)), [text]) == {"left"}
 
 
 @pytest.mark.parametrize(

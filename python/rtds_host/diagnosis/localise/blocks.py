@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +10,6 @@ from rtds_host.contract import Robot, RunLog
 from rtds_host.diagnosis.localise.electrical import bus_block, current_block
 from rtds_host.diagnosis.localise.ground import turn_block, way_block
 from rtds_host.diagnosis.localise.mechanical import torque_block
-from rtds_host.diagnosis.localise.shares import in_noise
 from rtds_host.diagnosis.localise.signals import Signals
 from rtds_host.diagnosis.localise.twice import speed_twice_block, yaw_twice_block
 from rtds_host.diagnosis.replay.model import Model, replay_run, run_inputs
@@ -54,18 +52,3 @@ def own_blocks(log: RunLog, robot: Robot, model: Model, signatures: bool = True)
     for name, (residual, noise, rows) in run.blocks.items():
         run.blocks[name] = residual - own.blocks[name][0], noise, rows
     return run
-
-
-def excess_energy(runs: Iterable[Signals]) -> tuple[float, int]:
-    """What all blocks' residuals have beyond their noise, and their number.
-
-    A sum of squares in units of noise less one for each, 0 for a block that has no more: noise is bounded from above.
-    """
-    squares: dict[str, float] = {}
-    counts: dict[str, int] = {}
-    for run in runs:
-        for name in run.blocks:
-            z, *_ = in_noise(run, name)
-            squares[name] = squares.get(name, 0.0) + float(z @ z)
-            counts[name] = counts.get(name, 0) + len(z)
-    return sum(max(squares[name] - counts[name], 0.0) for name in squares), sum(counts.values())
