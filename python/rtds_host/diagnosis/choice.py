@@ -92,8 +92,9 @@ def leaves(one: Judged, other: Judged) -> float:
     the geometric mean over channels."""
     ratio = pooled(one, other)
     mean = _mean([value / other.each[key] for key, value in one.each.items() if key in other.each])
-    # What brings one channel closer and opens the whole is no explanation of it.
-    return min(ratio, mean) if ratio <= 1.0 else ratio
+    # What brings one channel closer and opens the whole is no explanation of it. But gaps of the whole that are alike
+    # say nothing: a loud channel makes them, and by a sensor that lags the others cannot come closer.
+    return min(ratio, mean) if ratio <= AS_MUCH**2 else ratio
 
 
 def chosen(found: Mapping[int, list[Judged]], prior: Callable[[Fit], float]) -> Judged:

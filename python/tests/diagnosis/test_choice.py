@@ -30,7 +30,8 @@ def taken(found):
     [
         (judged(2.0, 2.0), judged(3.0, 3.0), 3.0 / 8.0),
         (judged(9.0, 1.05), judged(9.0, 3.0), 0.162),  # the current alone shows it, next to a loud speed
-        (judged(9.5, 1.0), judged(9.0, 2.0), 1.075),  # what opens the whole explains no part of it
+        (judged(10.5, 1.0), judged(9.0, 2.0), 1.32),  # what clearly opens the whole explains no part of it
+        (judged(9.2, 1.0), judged(9.0, 2.0), 0.27),  # where the whole is alike the current alone decides
         (judged(1.0, 1.0), judged(1.05, 1.05), 1.0),  # no gap
     ],
 )
