@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections import deque
-from collections.abc import Generator, Iterable, Mapping
+from collections.abc import Collection, Generator, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple, TypeVar
@@ -331,10 +331,12 @@ class Fitter:
         fixed: bool = False,
         by_nuisance: np.ndarray | None = None,
         least: float = STEP_GAIN,
+        held: Collection[tuple[str, str]] = (),
     ) -> Fit:
         """Fit an explanation from a start, see `fitting`."""
         return side_by_side(
-            self.problem, [self.fitting(hypothesis, start, z, noise, iterations, known, fixed, by_nuisance, least)]
+            self.problem,
+            [self.fitting(hypothesis, start, z, noise, iterations, known, fixed, by_nuisance, least, held)],
         )[0]
 
     def fitting_to(self, proposal: Proposal, rough: bool) -> Asking[Fit]:
@@ -404,6 +406,7 @@ class Fitter:
         fixed: bool = False,
         by_nuisance: np.ndarray | None = None,
         least: float = STEP_GAIN,
+        held: Collection[tuple[str, str]] = (),
     ) -> Asking[Fit]:
         """Fit an explanation from a start.
 
@@ -413,13 +416,19 @@ class Fitter:
         known : derivatives by the parameters of some of its effects, (N, n) each, to do with: a rough fit, good enough
         to see what another effect brings or what one that is gone leaves. fixed : keep the discrepancy. by_nuisance :
         (N, k) derivatives by the nuisances to begin with, else those about the nominal robot. least : what a step must
-        still bring, in -2 log probability.
+        still bring, in -2 log probability. held : effects that keep the parameters of the start.
         """
         k = self.count
         known = known or {}
         own = self._own(hypothesis, known)
         low, high = self._bounds(hypothesis)
         x = np.clip(np.concatenate([z, start]), low, high)
+        kept = [
+            j
+            for j, (effect, side, _) in enumerate(parameters(self.effects, hypothesis), k)
+            if (effect.id, side) in held
+        ]
+        low[kept] = high[kept] = x[kept]
         (r,) = yield [self.model(hypothesis, x)], None
         if by_nuisance is None:
             if self.by_nuisance is None:

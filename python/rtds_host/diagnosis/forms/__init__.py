@@ -42,11 +42,13 @@ class Forms:
         kept = min(max(self.gap**2 - 1.0, 0.0) / (after**2 - 1.0), 1.0)
         residual = sum(row["share"] for row in rows if row["what"] == "rest")
         steps = [max(a**2 - b**2, 0.0) for a, b in zip(self.left, self.left[1:])]
+        if not any(steps):  # what they close together, none of them closes by itself
+            steps = [1.0] * len(self.entries)
         mine = [
             {
                 "what": "form",
                 **{key: entry[key] for key in ("term", "side", "over")},
-                "share": residual * (1.0 - kept) * step / max(sum(steps), 1e-12),
+                "share": residual * (1.0 - kept) * step / sum(steps),
             }
             for entry, step in zip(self.entries, steps, strict=True)
         ]

@@ -78,7 +78,36 @@ def searched(problem: Problem, fit: Fit, quick: bool, lacking: Mapping[Cause, Fi
         found.judged.append(judged)
     if found.forms and lacking:
         give_way(problem, found, lacking)
+    if found.forms:
+        _keep_sizes(problem, found)
     return found
+
+
+def _keep_sizes(problem: Problem, found: Found) -> None:
+    """Give effects whose larger part the curves can make the sizes that they have without any: how much of the sum is
+    the effect's no run says, and a curve is what names leave."""
+    before, now = found.judged[0].fit, found.fit
+    parts, held = now.parts, []
+    for cause in before.hypothesis:
+        way = _made_by_curves(found, cause, 1.0 - MAJORITY) if cause in parts else None
+        if way is None:
+            continue
+        held.append(cause)
+        at = 0
+        for form, side in found.forms:
+            own = len(parts[form.id, side])
+            parts[form.id, side] = parts[form.id, side] + way[at : at + own] @ (now.parts[cause] - before.parts[cause])
+            at += own
+        parts[cause] = before.parts[cause]
+    if not held:
+        return
+    fitter = Fitter(problem, now.start)
+    fitter.effects = now.effects
+    hypothesis, start = joined(parts)
+    problem.follow_angles(True)
+    fit = fitter.fit(hypothesis, start, now.z, now.noise, STEPS, by_nuisance=now.by_nuisance, held=held)
+    problem.follow_angles(False)
+    found.judged[-1] = Judged.of(problem, _renewed(problem, fit))
 
 
 def _next(
@@ -234,15 +263,22 @@ def _approximates(problem: Problem, found: Found, cause: Cause, less: Judged, la
 
     less : with the curves and without the effect; lacking : with neither.
     """
-    now = found.fit
-    root = np.ones(problem.size) if now.noise.root is None else now.noise.root
-    change = root[:, None] * found.judged[0].fit.columns[cause]
-    curves = root[:, None] * np.hstack([now.columns[form.id, side] for form, side in found.forms])
-    way, *_ = np.linalg.lstsq(curves, change, rcond=1e-6)
-    if np.square(change - curves @ way).sum() > MINOR_SHARE * np.square(change).sum():
+    if _made_by_curves(found, cause, MINOR_SHARE) is None:
         return False
     neither = Judged.of(problem, lacking).together
     return neither - found.judged[0].together >= MAJORITY * (neither - less.together)
+
+
+def _made_by_curves(found: Found, cause: Cause, most: float) -> np.ndarray | None:
+    """Coefficients of the curves, (n, p), that do what an effect's p parameters do; None where these miss more than
+    `most` of its square."""
+    now = found.fit
+    root = np.ones(len(now.residual)) if now.noise.root is None else now.noise.root
+    change = root[:, None] * found.judged[0].fit.columns[cause]
+    curves = root[:, None] * np.hstack([now.columns[form.id, side] for form, side in found.forms])
+    way, *_ = np.linalg.lstsq(curves, change, rcond=1e-6)
+    missed = np.square(change - curves @ way).sum()
+    return way if missed <= most * np.square(change).sum() else None
 
 
 def _derived(problem: Problem, fit: Fit, known: Mapping[str, Effect], one: Promise) -> Fit:
