@@ -128,8 +128,8 @@ def in_place(monkeypatch, folder):
     from rtds_host.native import serve
 
     class Rig:
-        def set_parameters(self, **figures):
-            assert figures["step_s"] == 1e-5
+        def set_parameters(self, *constants, step_s):
+            assert len(constants) == 6 and step_s == 1e-5
 
     class Never:
         def wait(self):

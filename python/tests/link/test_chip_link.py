@@ -40,9 +40,9 @@ class Both:
     def __init__(self, first, second):
         self.first, self.second, self.different, self.samples = first, second, 0, 0
 
-    def set_parameters(self, **parameters):
-        self.first.set_parameters(**parameters)
-        self.second.set_parameters(**parameters)
+    def set_parameters(self, *constants, **parameters):
+        self.first.set_parameters(*constants, **parameters)
+        self.second.set_parameters(*constants, **parameters)
         self.second.exchange((0.0, 0.0), (0.0, 0.0), parameters["step_s"])
 
     def exchange(self, *arguments):
