@@ -23,6 +23,7 @@ C. C. Holmes, S. G. Walker, J. R. Stat. Soc. B 78, 2016.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -76,9 +77,12 @@ class Likelihood:
                 np.multiply(column, root, out=into, casting="same_kind")
 
     def cost(self, residual: np.ndarray) -> float:
-        """-2 log likelihood of residuals (N,) by the tangent, at least that of the likelihood itself."""
-        white = self.whiten(residual)
-        return float(white @ white + self.log.sum())
+        """-2 log likelihood of residuals (N,) by the tangent, at least that of the likelihood itself; infinite where a
+        replay ran away."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            white = self.whiten(residual)
+            cost = float(white @ white + self.log.sum())
+        return cost if math.isfinite(cost) else math.inf
 
     def blocks(self, residual: np.ndarray, blocks: np.ndarray, count: int) -> np.ndarray:
         """The same by block of time, (count,); `blocks` (N,) says which block a residual is in."""
@@ -88,12 +92,13 @@ class Likelihood:
     def estimated(self, residual: np.ndarray) -> Likelihood:
         """The likelihood with the tangent at these residuals (N,), where its cost is exact."""
         n = self.sizes
-        square = np.bincount(self.groups, residual * residual) / n
         largest = 1.0 + CHANCE_SIGMAS * np.sqrt(2.0 / n)
-        over = np.maximum(square - largest, 0.0)
-        unknown = 1.0 + n * over / self.samples
-        cost = np.where(over > 0.0, n * largest + self.samples * np.log(unknown), n * square)
-        return Likelihood(self.groups, self.samples, 1.0 / unknown, cost - n * square / unknown)
+        with np.errstate(over="ignore", invalid="ignore"):  # of a replay that ran away
+            square = np.bincount(self.groups, residual * residual) / n
+            over = np.maximum(square - largest, 0.0)
+            unknown = 1.0 + n * over / self.samples
+            cost = np.where(over > 0.0, n * largest + self.samples * np.log(unknown), n * square)
+            return Likelihood(self.groups, self.samples, 1.0 / unknown, cost - n * square / unknown)
 
     def misfit(self, residual: np.ndarray) -> float:
         """Weighted sum of squares of residuals (N,) beyond what noise alone makes: less than one a sample of unknown

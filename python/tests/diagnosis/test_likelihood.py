@@ -32,6 +32,16 @@ def test_what_an_explanation_gains_does_not_hang_on_the_declared_noise_where_muc
     assert gain == pytest.approx(samples.sum() * np.log(4.0), rel=0.15)
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("worst", [1e200, np.inf, np.nan])
+def test_a_replay_that_runs_away_costs_more_than_any_and_warns_of_nothing(worst):
+    """A cost that is no number would be the smallest of several."""
+    ran_away = noise()
+    ran_away[7] = worst
+    assert exact(ran_away) == np.inf
+    assert Likelihood(GROUPS, ONE).cost(ran_away) == np.inf
+
+
 @pytest.mark.parametrize(("size", "left"), [(1.0, 0.0), (100.0, 20.0)], ids=["noise alone", "a hundred noises"])
 def test_a_misfit_is_one_sample_a_group_where_much_is_left_and_none_where_only_noise_is(size, left):
     assert Likelihood(GROUPS, ONE).misfit(noise(size=size)) == pytest.approx(left, rel=0.01, abs=1.0)
