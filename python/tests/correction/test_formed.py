@@ -119,10 +119,22 @@ def test_sensors_of_a_run_read_with_their_forms():
     assert CorrectedPath(12.0, replace(sensors, forms=plant.no_forms())).sensors(0.0, seen).gyro_rad_s == -1.0
 
 
+# One of each equation. The first four are in tables of the units; the others act on units, body or readings, once a
+# millisecond, and a torque constant on the mean current of one.
 IN_RTL = {
     "friction": ("torque", "w", -25.0, 25.0, lambda x: -0.05 * np.sign(x) - 0.001 * x),
     "command": ("voltage", "v_cmd", -12.0, 12.0, lambda x: -0.02 * x * np.abs(x)),
+    "drop": ("voltage", "i", -0.3, 0.3, lambda x: -0.5 * np.tanh(x / 0.05)),
+    "ripple": ("torque", "motor_angle", 0.0, TURN, lambda x: 0.03 * np.sin(x + 0.4)),
+    "constant": ("torque_constant", "i", -0.3, 0.3, lambda x: -0.5 * np.abs(x)),
+    "voltage": ("voltage", "t", 0.0, 2.0, lambda x: -1.0 * x),
+    "force": ("force", "yaw", 0.0, TURN, lambda x: 3.0 * np.cos(x - 0.5)),
+    "turning": ("yaw_torque", "yaw_rate", -4.0, 4.0, lambda x: -0.06 * np.sign(x) - 0.01 * x),
+    "sensor": ("current_sensor", "i", -0.3, 0.3, lambda x: 0.2 * x),
 }
+
+
+IN_TABLES = ("friction", "command", "drop", "ripple")
 
 
 @pytest.mark.long
@@ -138,6 +150,6 @@ def test_a_form_closes_in_the_rtl_with_the_bytes_of_the_model(which):
     log = measured(log, truth)
     case = Case("formed", ROBOT, (log,))
     before, after = (distance(case, [(log, truth, out)])[0] for out in (nominal, by_rtl))
-    print(f"{which}: gap before {before:.3g}, after {after:.2g}")
+    print(f"{which}: gap before {before:.3g}, after {after:.2g}", flush=True)
     assert before > 1.0
-    assert after < 0.02 * before
+    assert after < (0.02 if which in IN_TABLES else 0.03) * before

@@ -70,7 +70,7 @@ def main(
     try:
         machine = load_robot(robot)
         model = None if diagnosis is None else read_diagnosis(diagnosis, machine)
-        print(table(channels(read_run(run), machine, model)))
+        print(table(channels(read_run(run, machine), machine, model)))
     except RtdsError as error:
         print("rtds: " + " ".join(str(error).split()), file=sys.stderr)
         raise typer.Exit(2) from error
