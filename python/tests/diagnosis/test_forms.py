@@ -344,6 +344,19 @@ def test_what_fades_over_a_run_gets_an_exponential():
     assert np.abs(straight.curve - values).max() > 5.0 * np.abs(found.curve - values).max()
 
 
+def test_a_formula_is_fitted_though_variances_span_many_orders_of_magnitude():
+    """Such a covariance comes out of an inversion with variances that are slightly negative."""
+    form = Form("torque", "t", 0.0, 20.0, 0.01)
+    basis, _ = shapes("t")
+    curve = basis @ np.linalg.lstsq(basis, 0.05 * np.exp(-form.points / 4.0), rcond=None)[0]
+    count = basis.shape[1]
+    directions = np.linalg.qr(np.random.default_rng(1).standard_normal((count, count)))[0]
+    covariance = (directions * np.where(np.arange(count) < 3, -1e-13, np.geomspace(1e-14, 1.0, count))) @ directions.T
+    (law,) = [law for law in laws("t") if law.text == "a·exp(-x/b)"]
+    assert np.linalg.eigvalsh(covariance)[0] < 0.0
+    assert fitted(law, form, curve, covariance).values == pytest.approx([0.05, 4.0], rel=0.05)
+
+
 def bent_at_a_place(law):
     """The formula that fits a curve over a current best, and its errors."""
     form = Form("current_sensor", "i", -0.12, 0.12, 0.01)

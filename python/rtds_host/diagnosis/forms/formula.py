@@ -191,8 +191,10 @@ def fitted(law: Law, form: Form, values: np.ndarray, covariance: np.ndarray) -> 
 
     basis, _ = shapes(form.over)
     # Residuals in the metric of the coefficients' covariance, in which the runs speak.
-    root = np.linalg.cholesky(np.linalg.inv(covariance + 1e-12 * np.trace(covariance) * np.eye(len(covariance)))).T
-    metric = root @ np.linalg.pinv(basis)
+    # By eigenvalues: variances that span many orders of magnitude come out slightly negative.
+    variances, directions = np.linalg.eigh(0.5 * (covariance + covariance.T))
+    deviations = np.sqrt(np.maximum(variances, 0.0) + 1e-12 * variances.sum())
+    metric = (directions / deviations).T @ np.linalg.pinv(basis)
     x, size = form.points, max(float(np.abs(values).max()), 1e-30)
     reach = float(np.abs(x).max())
     units = [_unit(unit, size, reach) for unit in law.units]
