@@ -167,8 +167,9 @@ class Fit:
     @cached_property
     def precision(self) -> np.ndarray:
         """Hessian of half the objective, (k + p, k + p)."""
-        _, jacobian = self.whitened()
-        return (jacobian.T @ jacobian).astype(float) + np.diag(prior_weight(self.z, self.u))
+        # In double precision: rounded sums of large squares are more than a prior, and no longer positive definite.
+        jacobian = self.whitened()[1].astype(float)
+        return jacobian.T @ jacobian + np.diag(prior_weight(self.z, self.u))
 
     @cached_property
     def covariance(self) -> np.ndarray:
