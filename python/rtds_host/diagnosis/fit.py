@@ -396,6 +396,17 @@ class Fitter:
         columns = yield from self._derivatives(fit.hypothesis, x, r, every, self._bounds(fit.hypothesis)[1])
         return replace(fit, residual=r, by_effect=columns)
 
+    def _started(
+        self, hypothesis: Hypothesis, start: np.ndarray, held: Collection[tuple[str, str]]
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """A start (z, u) within its bounds, and the bounds: effects in `held` keep their parameters there."""
+        low, high = self._bounds(hypothesis)
+        x = np.clip(start, low, high)
+        causes = [(effect.id, side) for effect, side, _ in parameters(self.effects, hypothesis)]
+        kept = [j for j, cause in enumerate(causes, self.count) if cause in held]
+        low[kept] = high[kept] = x[kept]
+        return x, low, high
+
     def fitting(
         self,
         hypothesis: Hypothesis,
@@ -422,14 +433,7 @@ class Fitter:
         k = self.count
         known = known or {}
         own = self._own(hypothesis, known)
-        low, high = self._bounds(hypothesis)
-        x = np.clip(np.concatenate([z, start]), low, high)
-        kept = [
-            j
-            for j, (effect, side, _) in enumerate(parameters(self.effects, hypothesis), k)
-            if (effect.id, side) in held
-        ]
-        low[kept] = high[kept] = x[kept]
+        x, low, high = self._started(hypothesis, np.concatenate([z, start]), held)
         (r,) = yield [self.model(hypothesis, x)], None
         if by_nuisance is None:
             if self.by_nuisance is None:
