@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import sys
 from dataclasses import asdict, is_dataclass
 from typing import Annotated, Any
 
@@ -15,6 +16,15 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print the answer as one JS
 
 # The option of every command that takes a while.
 Quiet = Annotated[bool, typer.Option("--quiet", help="No progress on the terminal.")]
+
+# Scripts give it: a diagnosis used random numbers once.
+Seed = Annotated[int | None, typer.Option("--seed", help="Has no effect, which is said.", hidden=True)]
+
+
+def say_if_seeded(seed: int | None, quiet: bool) -> None:
+    """Say on the standard error that a seed changes nothing."""
+    if seed is not None and not quiet:
+        print("--seed has no effect: a diagnosis uses no random numbers", file=sys.stderr)
 
 
 def plain(value: Any) -> Any:

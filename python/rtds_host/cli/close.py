@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rtds_host.cli.answer import AsJson, Quiet, answer
+from rtds_host.cli.answer import AsJson, Quiet, Seed, answer, say_if_seeded
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -56,6 +56,7 @@ def close(
     ] = True,
     figure: Annotated[bool, typer.Option(help="Draw close.png.")] = True,
     jobs: Annotated[int, typer.Option(help="Cores for the diagnosis; 0 = all.", min=0)] = 0,
+    seed: Seed = None,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
@@ -80,6 +81,7 @@ def close(
         link=link, link_options={"sim": sim, "step_clocks": "min"} if link == "rtl" else {}, engine=engine
     )
     say_if_first(quiet)
+    say_if_seeded(seed, quiet)
     with stages(quiet) as report:
         result = close_folder(
             case,

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from rtds_host.cli.answer import AsJson, Quiet, answer
+from rtds_host.cli.answer import AsJson, Quiet, Seed, answer, say_if_seeded
 
 app = typer.Typer(add_completion=False)
 
@@ -37,6 +37,7 @@ def diagnose(
             help="One case: also diagnose halves of the data; the report says how often each effect was found again.",
         ),
     ] = False,
+    seed: Seed = None,
     as_json: AsJson = False,
     quiet: Quiet = False,
     mcap: Annotated[
@@ -67,6 +68,7 @@ def diagnose(
         check_writable_file(mcap)
         refuse_inputs([mcap], [*places_of_case(cases[0]), *(out / name for name in FILES)])
     say_if_first(quiet)
+    say_if_seeded(seed, quiet)
     if len(cases) == 1 and scheduler is None:
         result, details = run_one(
             cases[0], out, quick=quick, jobs=jobs, summary=not as_json, repeat=repeat, quiet=quiet

@@ -107,6 +107,8 @@ SKEWS = {"gyro_z": {"gyro_delay_s": "gyro_delay"}, "yaw": {"pose_delay_s": "pose
 SETUP = {key: quantity for keys in (LATENCY, ANTI_WINDUP, EARLY, *SKEWS.values()) for key, quantity in keys.items()}
 # No nuisance: where the encoder was taken to sit.
 SETUP["encoder_at_wheel"] = "encoder_at_wheel"
+# Names in diagnoses of earlier versions, and the present ones.
+FORMER_SETUP = {"gyro_late_s": "gyro_delay_s", "pose_late_s": "pose_delay_s"}
 
 
 def body_of(robot: Robot) -> dict[str, dict[str, str]]:

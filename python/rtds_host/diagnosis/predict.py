@@ -20,7 +20,7 @@ from rtds_host.diagnosis.gate.limits import limits
 from rtds_host.diagnosis.gate.rounding import effective_noise
 from rtds_host.diagnosis.gate.stamps import evened
 from rtds_host.diagnosis.gate.starts import awake
-from rtds_host.diagnosis.nuisances import SETUP, entries
+from rtds_host.diagnosis.nuisances import FORMER_SETUP, SETUP, entries
 from rtds_host.diagnosis.replay.model import REPORT_STEP_S, Model, nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.scales import OF_ASKED, OF_RUNS, OF_SPEEDS_MET
 from rtds_host.errors import InputError, did_you_mean
@@ -90,7 +90,8 @@ def _put_setup(model: Model, path: Path, setup: object) -> None:
     """Put what a diagnosis says of clocks and sensors into the model."""
     if not isinstance(setup, dict):
         raise InputError(f"{path}: setup: is {setup!r}, an object is needed")
-    for key, value in setup.items():
+    for written, value in setup.items():
+        key = FORMER_SETUP.get(written, written)
         if key not in SETUP:
             raise InputError(f"{path}: setup.{key}: is none of {', '.join(SETUP)}")
         number = _number(path, f"setup.{key}", value)

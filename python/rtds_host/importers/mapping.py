@@ -17,6 +17,8 @@ from rtds_host.importers.units import FIXED, QUANTITY
 SCHEMA = "rtds-mapping/1"
 # A value is read a few samples before its stamp, never minutes.
 MOST_DELAY_SAMPLES, MOST_DELAY_S = 1000, 60.0
+# Keys that mappings of earlier versions have, and their present names.
+FORMER_KEYS = {"late_s": "delay_s", "late_samples": "delay_samples"}
 META_KEYS = ("scenario", "payload_kg", "slope_rad", "uphill_yaw_rad", "notes")
 
 
@@ -339,6 +341,8 @@ class _Parser:
 
     def source(self, place: str, channel: str, table: dict) -> Source:
         allowed = tuple(f.name for f in fields(Source) if f.name not in ("place", "channel"))
+        # Of a key under both names the former is said to be unknown.
+        table = {now if (now := FORMER_KEYS.get(key, key)) not in table else key: value for key, value in table.items()}
         self.only(place, table, allowed)
         if ("topic" in table) == ("column" in table) and not ("pair" in table and "topic" not in table):
             raise self.fail(place, "needs a topic (bags) or a column (tables), one of them")

@@ -148,3 +148,16 @@ def test_a_completion_names_every_command_and_option(shell):
         assert name in text
         for option in one.options:
             assert (option if shell != "fish" else f"-l {option.removeprefix('--')}") in text
+
+
+@pytest.mark.parametrize("command", ["diagnose", "close"])
+def test_a_seed_of_scripts_is_taken_and_said_to_change_nothing(command, tmp_path, monkeypatch, capsys):
+    """The case is missing, which is found after the words are read: none of them is refused."""
+    words = ["rtds", command, str(tmp_path / "no-case"), "--out", str(tmp_path / "out"), "--seed", "1"]
+    monkeypatch.setattr(sys, "argv", words)
+    with pytest.raises(SystemExit) as ended:
+        main()
+    lines = capsys.readouterr().err.splitlines()
+    assert ended.value.code == 2
+    assert "--seed has no effect: a diagnosis uses no random numbers" in lines
+    assert "no-case" in lines[-1] and not any("No such option" in line for line in lines)

@@ -232,6 +232,15 @@ def test_a_broken_diagnosis_is_named_by_file_and_key(tmp_path, edit, words):
     assert words in str(error.value)
 
 
+def test_a_diagnosis_of_an_earlier_version_is_read_with_the_names_that_it_has(tmp_path):
+    robot = make_case(seconds=1.0).robot
+    read = []
+    for name in ("gyro_late_s", "gyro_delay_s"):
+        (tmp_path / "d.json").write_text(json.dumps({**example_diagnosis(), "setup": {name: 0.004}}))
+        read.append(read_diagnosis(tmp_path / "d.json", robot))
+    assert read[0].common.tobytes() == read[1].common.tobytes()
+
+
 def test_the_catalogue_is_listed_and_each_effect_explained():
     listed = subprocess.run([*RTDS, "effects"], check=False, capture_output=True, text=True, env={"COLUMNS": "200"})
     assert listed.returncode == 0 and "coulomb_friction" in listed.stdout and "command_delay" in listed.stdout

@@ -248,3 +248,11 @@ def test_a_waffle_needs_only_its_own_figures():
     assert waffle.twist.track_width_m == 0.287 and stock.twist.track_width_m == 0.160
     assert waffle.signals == stock.signals and waffle.servo == stock.servo
     assert waffle.before_first == stock.before_first == 0.0
+
+
+def test_a_mapping_of_an_earlier_version_is_read_with_the_names_that_it_has(tmp_path):
+    text = '[signal]\nw_l = {{ topic = "/a", field = "rpm", unit = "rpm", {} }}\n'
+    former = load_mapping(str(write(tmp_path, text.format("late_s = 0.02, late_samples = 1"))))
+    assert former.signals["w_l"][0].delay_s == 0.02 and former.signals["w_l"][0].delay_samples == 1
+    with pytest.raises(InputError, match="late_s"):
+        load_mapping(str(write(tmp_path, text.format("late_s = 0.02, delay_s = 0.03"))))
