@@ -42,6 +42,8 @@ CHANGES: dict[str, dict[str, float]] = {
     "delays": {"command_delay": 0.023, "measurement_delay": 0.011},
     "clocks": {"gyro_delay": 0.013, "pose_delay": 0.021, "gyro_bias": 0.05},
 }
+# Names that earlier states give the same entries.
+FORMER = {"gyro_delay": "gyro_late", "pose_delay": "pose_late"}
 
 
 def fixed_case() -> Case:
@@ -68,7 +70,12 @@ def models_of(problem: Problem) -> dict:
     for name, change in CHANGES.items():
         model = problem.nominal.copy()
         for entry, value in change.items():
-            if model.get(entry) == 0.0:
+            try:
+                now = model.get(entry)
+            except KeyError:
+                entry = FORMER[entry]
+                now = model.get(entry)
+            if now == 0.0:
                 model.put(entry, value)
             else:
                 model.scale(entry, value)
