@@ -1,8 +1,9 @@
 """The choice between explanations: by what they leave of runs that they were not fitted to.
 
-One criterion, wherever a gap remains: each effect must leave at most `WORTH` of what is left without it, on runs left
-out (contract, section 5: what does not help there is not included, however likely it is). What is left is G^2 - f, the
-squared gap less that of noise, f being 1 where the noise is as declared. It is taken over all channels at once, and as
+One criterion, wherever a gap remains: on held-out runs each effect must reduce the residual to at most
+`MAX_RESIDUAL_RATIO` of what it is without the effect (contract, section 5: what does not help there is not included,
+however likely it is). The residual is G^2 - f, the squared gap minus that of noise, f being 1 where the noise is as
+declared. It is taken over all channels at once, and as
 the geometric mean over channels, so that an effect that one quiet channel shows is not lost next to a loud one.
 
 f is measured (`sample_noise`), so that the choice does not depend on the noise that a file declares: declared three
@@ -25,8 +26,8 @@ from rtds_host.diagnosis.fit import Fit
 from rtds_host.diagnosis.left_out import Errors, over_pieces, over_runs, predicted
 from rtds_host.diagnosis.problem import Problem
 
-# What an effect leaves at most of the squared gap on runs left out. A judgement, set with open cases at hand.
-WORTH = 0.75
+# The residual with an effect over that without it, at most, on held-out runs. A judgement, set with open cases at hand.
+MAX_RESIDUAL_RATIO = 0.75
 # Explanations whose gaps on runs left out are within this ratio are indistinguishable by them: what makes a gap of
 # none.
 AS_MUCH = gaps.LEAST
@@ -87,9 +88,9 @@ def pooled(one: Judged, other: Judged) -> float:
     return one.together / other.together
 
 
-def leaves(one: Judged, other: Judged) -> float:
-    """What an explanation leaves of what another leaves, a ratio: the smaller of that over all channels at once and of
-    the geometric mean over channels."""
+def residual_ratio(one: Judged, other: Judged) -> float:
+    """The residual of one explanation over that of another on held-out runs: the smaller of the ratio over all channels
+    at once and of the geometric mean over channels."""
     ratio = pooled(one, other)
     mean = _mean([value / other.each[key] for key, value in one.each.items() if key in other.each])
     # What brings one channel closer and opens the whole is no explanation of it. But gaps of the whole that are alike
@@ -100,10 +101,10 @@ def leaves(one: Judged, other: Judged) -> float:
 def chosen(found: Mapping[int, list[Judged]], prior: Callable[[Fit], float]) -> Judged:
     """The explanation whose every effect is worth it.
 
-    Looks ahead: two effects may be worth it only together, j of them where they leave at most `WORTH`^j. Of the
-    explanations of that many effects that are worth it and leave as much, the most probable one: smaller and more usual
-    effects go before large ones that cancel, unless these leave less in many runs. A run left out counts as one sample
-    of unknown size: its blocks of time are off in the same way.
+    Looks ahead: two effects may be worth it only together, j of them where they leave at most
+    `MAX_RESIDUAL_RATIO`^j. Of the explanations of that many effects that are worth it and leave as much, the most
+    probable one: smaller and more usual effects go before large ones that cancel, unless these leave less in many runs.
+    A run left out counts as one sample of unknown size: its blocks of time are off in the same way.
 
     Parameters
     ----------
@@ -114,7 +115,7 @@ def chosen(found: Mapping[int, list[Judged]], prior: Callable[[Fit], float]) -> 
     while more := {
         n: worth
         for n in sorted(found)
-        if n > count and (worth := [j for j in found[n] if leaves(j, best) < WORTH ** (n - count)])
+        if n > count and (worth := [j for j in found[n] if residual_ratio(j, best) < MAX_RESIDUAL_RATIO ** (n - count)])
     }:
         count, worthy = next(iter(more.items()))
         best = min(worthy, key=lambda j: j.gap)

@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 from rtds_host.contract import Case
 from rtds_host.diagnosis import budget
 from rtds_host.diagnosis import gap as gaps
-from rtds_host.diagnosis.account import Account, Standing, account, declared, less
+from rtds_host.diagnosis.account import Account, EffectEvidence, account, declared, without_effects
 from rtds_host.diagnosis.choice import Judged, chosen
 from rtds_host.diagnosis.effort import Effort
 from rtds_host.diagnosis.experiment import next_experiment
@@ -129,7 +129,7 @@ def investigate(
     best = search.run()
     if case.robot.encoder is None:
         search, best = _encoder_placed(case, search, best, threads, without)
-    if not search.store.closed(best):
+    if not search.store.within_noise(best):
         search, best = chosen_search(search.problem.case, search, best, threads, without)
     say("account", 0.7)
     return Investigation(search.problem, search, account(search, best))
@@ -142,7 +142,7 @@ def _encoder_placed(case: Case, search: Search, best: Fit, threads: int, without
     was found, with one of these more and the encoder on the wheel, is fitted first; only if that is the more probable
     is a whole search worth its time.
     """
-    if search.problem.robot.axis is not None or search.store.closed(best):
+    if search.problem.robot.axis is not None or search.store.within_noise(best):
         return search, best
     on_wheel = replace(case, robot=replace(case.robot, encoder="wheel"))
     other = Search(Problem(on_wheel, threads), search.quick, without)
@@ -204,7 +204,7 @@ def by_runs_left_out(searches: list[Search], best: Fit) -> tuple[Search, Judged]
     owner = next(one for mine in found.values() for judged, one in mine if judged is taken)
     # What plain squares found is weighed by the likelihood as all else is, and fitted by it where that is exact.
     fit = replace(taken.fit, noise=owner.problem.white().estimated(taken.fit.residual))
-    return owner, replace(taken, fit=owner.store.in_earnest([fit])[0] if owner.store.closed(fit) else fit)
+    return owner, replace(taken, fit=owner.store.refined([fit])[0] if owner.store.within_noise(fit) else fit)
 
 
 def conclude(
@@ -217,7 +217,7 @@ def conclude(
     if held.gap("refit") > max(held.gap("before"), gaps.LEAST):
         # Nuisances that open the gap of runs left out are no better known than declared.
         weighed = replace(weighed, base=declared(problem, weighed.base))
-        held = held_out(problem, weighed if weighed.standing else replace(weighed, fit=weighed.base))
+        held = held_out(problem, weighed if weighed.included else replace(weighed, fit=weighed.base))
     if held.gap("refit") < gaps.LEAST or held.gap("after") > held.gap("refit"):
         # No gap, and no effect of it (contract, section 5): what was found is shown as tried.
         weighed = Account(weighed.base, weighed.base, (), weighed.dropped, (), (((), 1.0),))
@@ -225,7 +225,7 @@ def conclude(
     shapes = Forms()
     if _looked_for(problem, weighed, held):
         say("forms", 0.87)
-        lacking = {one.cause: one.refitted for one in weighed.standing}
+        lacking = {one.cause: one.refitted for one in weighed.included}
         shapes = forms_of(problem, weighed.fit, held.gap("after"), found.search.quick, lacking)
         if shapes.gave_way:
             weighed, held, shapes = without_given_way(found, weighed, shapes)
@@ -234,12 +234,12 @@ def conclude(
     effect_closed = gaps.closed(total["refit"], total["after"])
     unexplained = min(max(1.0 - effect_closed, 0.0), 1.0) if effect_closed is not None else 0.0
     structured = _beyond_noise(problem, weighed.fit, total["after"]) and _correlated(problem, weighed.fit)
-    verdict = _verdict(total, bool(weighed.standing), structured, unexplained)
+    verdict = _verdict(total, bool(weighed.included), structured, unexplained)
     timing = given(gate.timing, "the clock")
     known = intervals(problem, weighed.fit, timing.stamps_s, timing.step_s, _missing(found.search.store, weighed.fit))
-    scatter = scattered(problem, weighed.fit) if weighed.standing else {}
+    scatter = scattered(problem, weighed.fit) if weighed.included else {}
     localisation = localise(problem.looked_at, weighed.base.model(problem))
-    after = localise(problem.looked_at, weighed.fit.model(problem), held=True) if weighed.standing else localisation
+    after = localise(problem.looked_at, weighed.fit.model(problem), held=True) if weighed.included else localisation
     rows = [] if verdict == "none" else budget.shares(problem, weighed.fit, total["after"], after)
     located = budget.located(problem, rows)
     placed = after.shares()
@@ -253,14 +253,14 @@ def conclude(
         "located": [{**row, "share": _round(row["share"])} for row in located],
         "effects": [
             {**_effect(problem, weighed, fitted, one, held, known), **_scatter(*scatter[one.cause])}
-            for one in weighed.standing
+            for one in weighed.included
         ],
         "forms": shapes.entries,
         "budget": [{**row, "share": _round(row["share"])} for row in rows],
         "nominal_fit": _nominal_fit(problem, fitted),
         **setup_of(problem, fitted),
         "alternatives": _alternatives(problem, weighed, verdict),
-        "indistinguishable": [[_named(problem, cause) for cause in causes] for causes in weighed.alike],
+        "indistinguishable": [[_named(problem, cause) for cause in causes] for causes in weighed.indistinguishable],
         "gap": {
             **{name: _round(value) for name, value in total.items()},
             "closed": None if closed is None else _round(closed),
@@ -278,7 +278,7 @@ def conclude(
         "next_experiment": None,
     }
     diagnosis["next_experiment"] = next_experiment(problem, found.search.store, weighed, diagnosis)
-    lies = localisation, after if weighed.standing else None
+    lies = localisation, after if weighed.included else None
     details = _details(found, gate, weighed, held, shapes.notes, lies)
     if verdict != "none":
         details.over_runs = {
@@ -324,19 +324,19 @@ def _looked_for(problem: Problem, weighed: Account, held: HeldOut) -> bool:
 def without_given_way(found: Investigation, weighed: Account, shapes: Forms) -> tuple[Account, HeldOut, Forms]:
     """The account without the effects that gave way to forms, what it leaves of runs left out, and the forms."""
     problem = found.problem
-    less_named = less(found.search, weighed, {cause: GAVE_WAY for cause in shapes.gave_way})
-    held = held_out(problem, less_named)
-    kept = {one.cause for one in less_named.standing}
+    reduced = without_effects(found.search, weighed, {cause: GAVE_WAY for cause in shapes.gave_way})
+    held = held_out(problem, reduced)
+    kept = {one.cause for one in reduced.included}
     if kept != {cause for cause in weighed.fit.hypothesis if cause not in shapes.gave_way}:
         # Others were included next to what gave way only: forms go with the effects that are left.
-        again = forms_of(problem, less_named.fit, held.gap("after"), found.search.quick)
+        again = forms_of(problem, reduced.fit, held.gap("after"), found.search.quick)
         shapes = replace(again, notes=shapes.notes + again.notes)
-    return less_named, held, shapes
+    return reduced, held, shapes
 
 
 def _missing(store: Store, fit: Fit) -> list[np.ndarray]:
     """Changes of the residuals, (N,) each, by effects that a fit does not have; none where it leaves no gap."""
-    if not fit.hypothesis or store.closed(fit):
+    if not fit.hypothesis or store.within_noise(fit):
         return []
     return changes_by_missing(sensitivities_of(store.fitter, fit, {}, store.wanted, {}, coarse=True), fit)
 
@@ -421,7 +421,7 @@ def _effect(
     problem: Problem,
     weighed: Account,
     fit: Fit,
-    one: Standing,
+    one: EffectEvidence,
     held: HeldOut,
     known: dict[Key, tuple[float, float] | None],
 ) -> dict:
@@ -512,7 +512,7 @@ def _candidates(found: Investigation, weighed: Account) -> list[Candidate]:
     """What was tried, best first, with the reason in words."""
     problem, store, chosen = found.problem, found.search.store, weighed.fit
     likely = dict(weighed.alternatives)
-    equals = {cause for causes in weighed.alike for cause in causes[1:]}
+    equals = {cause for causes in weighed.indistinguishable for cause in causes[1:]}
     fits = sorted(store.fits.values(), key=lambda f: (f.hypothesis != chosen.hypothesis, store.score(f)))[:14]
     base = store.fits[()]
     rows = []

@@ -26,14 +26,14 @@ from rtds_host.diagnosis.thresholds import MAJORITY, MINOR_SHARE
 # Probability: odds at which one block of time, and a comparison of two explanations, convinces.
 CONVINCING = 20.0
 # Of the squared gap: what makes one of 1.1 out of none (contract, section 4).
-WORTH = LEAST**2 - 1.0
+MIN_GAP_REDUCTION = LEAST**2 - 1.0
 
 
 def worth_adding(without: float, gap: float) -> bool:
     """Whether an effect that lowers the gap from `without` to `gap` takes off a gap and a tenth of the residual: enough
     to go on next to it.
     """
-    return without**2 - gap**2 >= max(WORTH, MINOR_SHARE * (gap**2 - 1.0))
+    return without**2 - gap**2 >= max(MIN_GAP_REDUCTION, MINOR_SHARE * (gap**2 - 1.0))
 
 
 def worth_naming(without: float, gap: float, share: float = 0.0) -> bool:
@@ -44,7 +44,7 @@ def worth_naming(without: float, gap: float, share: float = 0.0) -> bool:
     if without >= LEAST > gap and closes >= MAJORITY * (without**2 - 1.0):
         return True
     # What outweighs half of the residual is told from it; less of it any of a hundred forms may take.
-    return closes >= WORTH and (closes >= MAJORITY * (gap**2 - 1.0) or share >= MINOR_SHARE)
+    return closes >= MIN_GAP_REDUCTION and (closes >= MAJORITY * (gap**2 - 1.0) or share >= MINOR_SHARE)
 
 
 def excess(problem: Problem, fit: Fit) -> float:
@@ -83,8 +83,8 @@ def _summed(problem: Problem, fit: np.ndarray, other: np.ndarray) -> tuple[float
     return gain, gain / scatter
 
 
-def believed(gain: float, t: float) -> float:
-    """Log odds that a gain with such scatter is worth, of its sign."""
+def log_odds(gain: float, t: float) -> float:
+    """Log odds by a gain of log likelihood, no more than its scatter allows: min(|gain|, t^2 / 2), with its sign."""
     return math.copysign(min(abs(gain), 0.5 * t * t), gain)
 
 
@@ -96,4 +96,4 @@ def distinguishable(gain: float, t: float, part: float, blocks: int, least: floa
     the same in every block, which no scatter between blocks shows. But of a residual that is spread over so many blocks
     any form takes one block's share by chance.
     """
-    return believed(gain, t) >= math.log(CONVINCING) and part * blocks >= 1.0 and part >= least
+    return log_odds(gain, t) >= math.log(CONVINCING) and part * blocks >= 1.0 and part >= least

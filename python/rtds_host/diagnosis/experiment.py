@@ -94,7 +94,7 @@ def _separation(plan: RunLog, problem: Problem, a: Fit, b: Fit, known: np.ndarra
 
 def _in_its_place(store: Store, weighed: Account, cause: tuple[str, str], other: tuple[str, str]) -> Fit:
     """The explanation with a look-alike in place of an included effect that the search never met there."""
-    without = next(one.without for one in weighed.standing if one.cause == cause)
+    without = next(one.without for one in weighed.included if one.cause == cause)
     start = scaled(store.effects, (other,), start_values(store.effects[other[0]])[:1])
     return store.try_fit(*joined({**without.parts, other: start}), without, rough=True)
 
@@ -129,11 +129,11 @@ def next_experiment(problem: Problem, store: Store, weighed: Account, diagnosis:
     "expected_separation", "why"}, `scenario` with the options of `rtds run`.
     """
     verdict = diagnosis["verdict"]
-    if verdict == "none" or (verdict == "known" and not weighed.alike):
+    if verdict == "none" or (verdict == "known" and not weighed.indistinguishable):
         return None
     place = diagnosis["gap"]["rest"]["subsystem"]
-    if weighed.alike:
-        causes = weighed.alike[0]
+    if weighed.indistinguishable:
+        causes = weighed.indistinguishable[0]
         kept = {h for h in weighed.fit.hypothesis if h != causes[0]}
         rivals = [
             store.fits.get(tuple(sorted({*kept, m}))) or _in_its_place(store, weighed, causes[0], m) for m in causes
@@ -166,7 +166,7 @@ def next_experiment(problem: Problem, store: Store, weighed: Account, diagnosis:
         "scenario": text,
         "separates": separates,
         "expected_separation": float(f"{value:.3g}"),
-        "why": f"{purpose_of(bool(weighed.alike), place, compared)}: {scenario.about}",
+        "why": f"{purpose_of(bool(weighed.indistinguishable), place, compared)}: {scenario.about}",
     }
 
 

@@ -49,7 +49,7 @@ def held_out(problem: Problem, account: Account) -> HeldOut:
     """Gaps of the nominal robot, the refitted one, and the one with the effects that stand, on runs left out."""
     robot = problem.robot
     models: dict[str | tuple[str, str], Fit] = {"refit": account.base, "after": account.fit}
-    models.update({s.cause: s.without for s in account.standing})
+    models.update({s.cause: s.without for s in account.included})
     step = min(REPORT_STEP_S, account.fit.model(problem).step_s)
     parts: dict[str | tuple[str, str], list[dict[str, gaps.Squares]]] = {name: [] for name in ("before", *models)}
     by_regime: dict[str, dict[str, list[dict[str, gaps.Squares]]]] = {}
@@ -111,7 +111,7 @@ def held_out(problem: Problem, account: Account) -> HeldOut:
             if data.log.has(c)
         }
     channels = {name: gaps.pooled(parts[name]) for name in ("before", "refit", "after")}
-    lacking = {s.cause: gaps.pooled(parts[s.cause]) for s in account.standing}
+    lacking = {s.cause: gaps.pooled(parts[s.cause]) for s in account.included}
     without = {cause: gaps.gap(found) for cause, found in lacking.items()}
     decided = {
         cause: max(

@@ -21,24 +21,25 @@ LARGEST_SET = 3
 
 
 def lookalikes(
-    search: Search, fit: Fit, standing: Iterable[tuple[Cause, Fit]]
+    search: Search, fit: Fit, included: Iterable[tuple[Cause, Fit]]
 ) -> tuple[tuple[tuple[Cause, ...], ...], list[Fit]]:
     """Effects that take an included one's place and fit as well, and the fits that show it.
 
-    What opens a gap does not, however few blocks of time there are to tell it by. standing : included effects and the
-    explanation without each.
+    One that opens a gap does not fit, however few blocks of time there are to distinguish it by. included : included
+    effects and the explanation without each.
 
-    A set has room for few. Those that are alike in principle come first; then what is nearly so, if it fits as well,
-    and whatever else does; what is nearly so and was not met comes last. Each was fitted in the effect's place, lies
-    within its bounds there and opens no gap: an upside-down gyro is no track of a negative width.
+    A set has few members. Those that are indistinguishable in principle come first; then those that are nearly so, if
+    they fit as well, and any others that do; those that are nearly so and were not fitted come last. Each
+    was fitted in the effect's place, lies within its bounds there and opens no gap: an upside-down gyro is no track of
+    a negative width.
     """
     store = search.store
     sets, shown = [], []
     case, there = store.problem.case, {effect.id for effect in available(store.problem)} & store.wanted
-    for one, without in standing:
+    for one, without in included:
         inherent, near = (
-            [cause for cause in alike if cause[0] in there and not clashes(cause, fit.hypothesis)]
-            for alike in (indistinguishable(case, one, fit.hypothesis), nearly_indistinguishable(case, one))
+            [cause for cause in equals if cause[0] in there and not clashes(cause, fit.hypothesis)]
+            for equals in (indistinguishable(case, one, fit.hypothesis), nearly_indistinguishable(case, one))
         )
         swaps, further = swaps_of(search, fit, one, without), {}
         known = {cause for cause in swaps if cause in near or cause[0] in store.effects[one[0]].confused_with}
@@ -56,12 +57,12 @@ def lookalikes(
         others = list(dict.fromkeys([*inherent, *(cause for *_, cause in found), *near]))
         fitted = {cause: swap for cause, swap in (swaps | further).items() if cause in others}
         fitted |= {cause: swap for cause, (_, swap) in fitting.items()}
-        alike: list[Cause] = []
+        members: list[Cause] = []
         for cause in others:
-            if len(alike) < LARGEST_SET - 1 and _possible(store, fit, one, without, cause, fitted.get(cause)):
-                alike.append(cause)
-        if alike:
-            sets.append((one, *alike))
+            if len(members) < LARGEST_SET - 1 and _possible(store, fit, one, without, cause, fitted.get(cause)):
+                members.append(cause)
+        if members:
+            sets.append((one, *members))
     return tuple(sets), shown
 
 
@@ -69,9 +70,9 @@ def _possible(store: Store, fit: Fit, one: Cause, without: Fit, cause: Cause, me
     """Whether another effect in one's place opens no gap at a size that it can have; `met`: a fit of it there."""
 
     def fits(swapped: Fit) -> bool:
-        if not store.named(swapped):
+        if not store.admissible(swapped):
             return False
-        if store.closed(fit):
+        if store.within_noise(fit):
             return not opens_gap(store.gap(swapped), store.gap(fit))
         return Judged.of(store.problem, swapped).gap <= AS_MUCH * Judged.of(store.problem, fit).gap
 
@@ -90,7 +91,7 @@ def _possible(store: Store, fit: Fit, one: Cause, without: Fit, cause: Cause, me
     rough = store.try_fits(begun, rough=True)
     if not rough:
         return False
-    return fits(*store.in_earnest([min(rough, key=store.score)]))
+    return fits(*store.refined([min(rough, key=store.score)]))
 
 
 def _fitting(
@@ -105,19 +106,19 @@ def _fitting(
     forms of a machine that is described no better differ by as much.
     """
     found: dict[Cause, tuple[float, Fit]] = {}
-    if not store.closed(fit):
+    if not store.within_noise(fit):
         own = Judged.of(store.problem, fit)
         for cause, swapped in swaps.items():
             gain, _ = compared(store.problem, fit, swapped)
             # More parameters always leave a little less.
-            plain = len(swapped.u) <= len(fit.u) and store.named(swapped)
+            plain = len(swapped.u) <= len(fit.u) and store.admissible(swapped)
             if plain and Judged.of(store.problem, swapped).gap <= AS_MUCH * own.gap:
                 found[cause] = gain, swapped
         return found
     for cause, swapped in swaps.items():
-        (gain, t), taken = compared(store.problem, fit, swapped), store.takes_off(fit, swapped)
+        (gain, t), taken = compared(store.problem, fit, swapped), store.excess_reduction(fit, swapped)
         told = distinguishable(gain, t, taken, store.problem.block_count, MINOR_SHARE if cause in known else 0.0)
-        if not told and store.named(swapped) and not opens_gap(store.gap(swapped), store.gap(fit)):
+        if not told and store.admissible(swapped) and not opens_gap(store.gap(swapped), store.gap(fit)):
             found[cause] = gain, swapped
     return found
 
@@ -130,7 +131,7 @@ def _further(search: Search, one: Cause, without: Fit, like: Iterable[Cause]) ->
     wanted = {
         renaming.in_place(store, other, cause) for cause in like for other in store.effects[cause[0]].confused_with
     }
-    if not wanted or search.limits.exhausted():
+    if not wanted or search.limits.account_over_budget():
         return {}
     # What holds the effect is the same with a further parameter, for no better fit.
     return {
@@ -150,7 +151,7 @@ def swaps_of(search: Search, fit: Fit, one: Cause, without: Fit) -> dict[Cause, 
         # What holds the effect is the same with a further parameter, for no better fit.
         return cause not in swaps and one[0] not in store.effects[cause[0]].contains
 
-    if not search.limits.exhausted():
+    if not search.limits.account_over_budget():
         for rival in exchanging.rivals(store, search.screening.screens(store, without), one, LARGEST_SET):
             if other(rival.cause):
                 swaps[rival.cause] = exchanging.swapped(store, fit, without, rival)

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from rtds_host.diagnosis.choice import WORTH, Judged, chosen, leaves
+from rtds_host.diagnosis.choice import MAX_RESIDUAL_RATIO, Judged, chosen, residual_ratio
 from rtds_host.diagnosis.gap import Squares
 
 
@@ -36,7 +36,7 @@ def taken(found):
     ],
 )
 def test_what_is_left_is_taken_over_all_channels_and_over_each(one, other, left):
-    assert leaves(one, other) == pytest.approx(left, rel=0.01)
+    assert residual_ratio(one, other) == pytest.approx(left, rel=0.01)
 
 
 def test_an_effect_is_taken_that_leaves_little_on_runs_left_out():
@@ -54,7 +54,7 @@ def test_what_is_worth_it_does_not_hang_on_the_declared_noise(times):
 
     none, friction, more = one(5.0, 2.0), one(5.0, 1.4), one(4.9, 1.4)
     assert taken({0: [none], 1: [friction], 2: [more]}) is friction
-    assert leaves(friction, none) == pytest.approx(0.57, abs=0.01)
+    assert residual_ratio(friction, none) == pytest.approx(0.57, abs=0.01)
 
 
 def test_two_effects_that_help_only_together_are_taken_together():
@@ -65,7 +65,7 @@ def test_two_effects_that_help_only_together_are_taken_together():
 def test_a_further_effect_is_not_taken_for_a_little_less():
     one, two = judged(3.0, 3.0), judged(2.9, 2.9)
     assert taken({0: [judged(9.0, 9.0)], 1: [one], 2: [two]}) is one
-    assert leaves(two, one) > WORTH
+    assert residual_ratio(two, one) > MAX_RESIDUAL_RATIO
 
 
 def test_one_explanation_of_that_many_effects_is_enough_to_be_worth_them():
@@ -73,7 +73,7 @@ def test_one_explanation_of_that_many_effects_is_enough_to_be_worth_them():
     loud, both = judged(4.45, 2.0), judged(4.7, 1.4)
     assert loud.gap < both.gap
     none = judged(5.0, 2.0)
-    assert leaves(loud, none) > WORTH > leaves(both, none)
+    assert residual_ratio(loud, none) > MAX_RESIDUAL_RATIO > residual_ratio(both, none)
     assert taken({0: [none], 1: [loud, both]}) is both
 
 
@@ -95,7 +95,7 @@ def test_a_little_less_in_each_of_many_runs_outweighs_what_was_more_probable_bef
 def test_of_explanations_that_leave_as_much_one_that_is_not_worth_it_is_not_taken():
     """The more probable one leaves 0.8 of the squared gap, the better one 0.7."""
     none, better, usual = judged(9.0, 9.0), judged(7.55, 7.55, prior=20.0), judged(8.06, 8.06, prior=10.0)
-    assert leaves(better, none) < WORTH < leaves(usual, none)
+    assert residual_ratio(better, none) < MAX_RESIDUAL_RATIO < residual_ratio(usual, none)
     assert taken({0: [none], 1: [better, usual]}) is better
 
 

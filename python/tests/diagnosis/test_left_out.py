@@ -101,7 +101,7 @@ def test_what_one_run_alone_knows_of_and_fits_amiss_in_the_others_is_not_include
         Case("one of four", robot, runs), {COULOMB: {"torque_nm": 0.04}, ("driver_gain", "both"): {"ratio": 0.9}}
     )
     found = account(search, fit)
-    assert [one.cause for one in found.standing] == [COULOMB]
+    assert [one.cause for one in found.included] == [COULOMB]
     assert "not fitted to" in found.dropped["driver_gain", "both"]
 
 

@@ -674,7 +674,7 @@ def test_what_the_search_met_is_weighed_in_an_effects_place():
 
 
 def test_the_next_effect_is_one_that_every_run_asks_for():
-    """One run of four is late, and the gyro's gain is off in all: a delay is not believed, the gain is."""
+    """One run of four is late, and the gyro's gain is off in all: a delay is not supported, the gain is."""
     robot = builtin_robot("burger")
     model = nominal_model(robot)
     model.scale("gyro_gain", 0.8)
@@ -689,9 +689,9 @@ def test_the_next_effect_is_one_that_every_run_asks_for():
             search.store.try_fit((delay,), scaled(search.store.effects, (delay,), [{"seconds": 0.003}]), nothing),
         )
     }
-    assert search.next_step(nothing, search.store.gap(nothing)) is None
+    assert search.best_supported(nothing, search.store.gap(nothing)) is None
     search.store.fits[wanted.hypothesis] = wanted
-    assert search.next_step(nothing, search.store.gap(nothing)).hypothesis == (gain,)
+    assert search.best_supported(nothing, search.store.gap(nothing)).hypothesis == (gain,)
 
 
 @pytest.mark.parametrize(
@@ -712,7 +712,7 @@ def test_an_account_says_what_stands_in_its_plainer_form():
     """Coulomb friction, found with an extra at low speed that is not there."""
     stribeck = ("stribeck_friction", "both"), {"torque_nm": 0.03, "extra_torque_nm": 0.002, "speed_rad_s": 1.0}
     search, fit = fitted(make_case(lambda m: m.add("coulomb", 0.03)), stribeck)
-    assert [one.cause for one in account(search, fit).standing] == [("coulomb_friction", "both")]
+    assert [one.cause for one in account(search, fit).included] == [("coulomb_friction", "both")]
 
 
 def test_signatures_that_are_one_and_large_promise_no_pair():
@@ -760,7 +760,7 @@ def test_a_parameter_that_shapes_an_effect_lies_at_no_bound_either_but_where_it_
     """A filter whose delay is as long as is looked at is a delay of all samples."""
     filtered = ("speed_filter", "both"), {"time_constant_s": 0.4, "delay_s": delay_s}
     search, fit = fitted(make_case(), filtered)
-    assert search.store.named(replace(fit, u=scaled(search.store.effects, (filtered[0],), [filtered[1]]))) is named
+    assert search.store.admissible(replace(fit, u=scaled(search.store.effects, (filtered[0],), [filtered[1]]))) is named
 
 
 def test_no_dead_zone_exceeds_the_largest_command():
@@ -906,5 +906,5 @@ def test_where_runs_began_elsewhere_the_effect_that_led_there_is_weighed_against
         return model.start.with_headings({"no run": angle}) if angle else model.start
 
     monkeypatch.setattr(search.problem, "aligned", begun)
-    found = search.climb(nothing)
+    found = search.select_forward(nothing)
     assert found.hypothesis == ((driver,) if moved else (gyro,))

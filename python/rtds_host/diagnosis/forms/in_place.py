@@ -16,7 +16,7 @@ import typer
 
 from rtds_host.contract import check_writable_file, read_case
 from rtds_host.contract.runlog import read_json
-from rtds_host.diagnosis.choice import WORTH, Judged, pooled
+from rtds_host.diagnosis.choice import MAX_RESIDUAL_RATIO, Judged, pooled
 from rtds_host.diagnosis.diagnose import taken
 from rtds_host.diagnosis.effects import CATALOGUE
 from rtds_host.diagnosis.fit import Fit, Fitter, Hypothesis, joined
@@ -45,7 +45,7 @@ class InPlace:
     @property
     def approximate(self) -> bool:
         """Whether the curve leaves clearly less than the effect."""
-        return pooled(self.curved, self.named) <= WORTH
+        return pooled(self.curved, self.named) <= MAX_RESIDUAL_RATIO
 
     def entry(self) -> dict[str, Any]:
         """The curve as a diagnosis has a form."""

@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 
 from rtds_host.diagnosis import gap as gaps
-from rtds_host.diagnosis.choice import AS_MUCH, WORTH, Judged, leaves, pooled
+from rtds_host.diagnosis.choice import AS_MUCH, MAX_RESIDUAL_RATIO, Judged, pooled, residual_ratio
 from rtds_host.diagnosis.effects import RESEMBLES, Effect
 from rtds_host.diagnosis.fit import ROUGH_GAIN, Fit, Fitter, joined, parameters, side_by_side
 from rtds_host.diagnosis.forms.candidates import candidates
@@ -156,7 +156,7 @@ def _next(
         reach = max(form.high for form in forms if form.over == promise.form.over)
         promise, best = with_ends(problem, partial(_side_by_side, problem, known, best.fit), promise, best, reach)
     best = Judged.of(problem, _renewed(problem, _derived(problem, best.fit, known, promise)))
-    if pooled(best, now) > WORTH:
+    if pooled(best, now) > MAX_RESIDUAL_RATIO:
         return None
     name = _named(problem, now, best, promise)
     if name is not None:
@@ -221,7 +221,9 @@ def give_way(problem: Problem, found: Found, lacking: Mapping[Cause, Fit]) -> No
         # A curve that was taken in an effect's place need not be what makes it needless.
         if cause not in found.fit.hypothesis:
             now, again = found.judged[-1], Judged.of(problem, _again(problem, found, cause))
-            if leaves(again, now) <= WORTH or _approximates(problem, found, cause, now, lacking[cause]):
+            if residual_ratio(again, now) <= MAX_RESIDUAL_RATIO or _approximates(
+                problem, found, cause, now, lacking[cause]
+            ):
                 found.judged[-1] = again
     while True:
         now = found.judged[-1]
@@ -230,7 +232,9 @@ def give_way(problem: Problem, found: Found, lacking: Mapping[Cause, Fit]) -> No
             if cause not in now.fit.hypothesis:
                 continue
             less = Judged.of(problem, without(problem, now.fit, cause))
-            if leaves(now, less) > WORTH and not _approximates(problem, found, cause, less, lacking[cause]):
+            if residual_ratio(now, less) > MAX_RESIDUAL_RATIO and not _approximates(
+                problem, found, cause, less, lacking[cause]
+            ):
                 needless.append((less.gap, cause, less))
         if not needless:
             break

@@ -36,17 +36,17 @@ def widened(search: Search) -> dict[int, list[Fit]]:
             if not extended or store.score(extended[0]) > min(map(store.score, beam)):
                 break
             beam = extended
-            if search.limits.spent():
+            if search.limits.search_over_budget():
                 break
         problem.follow_angles(False)
     found: dict[int, list[Fit]] = {}
-    for fit in sorted(filter(store.named, store.fits.values()), key=store.score):
+    for fit in sorted(filter(store.admissible, store.fits.values()), key=store.score):
         mine = found.setdefault(len(fit.hypothesis), [])
         if len(mine) < WIDTH:
             mine.append(fit)
     # Where only noise is left the likelihood is exact.
     for mine in found.values():
-        for optima in store.optima([f for f in mine if f.hypothesis and not store.closed(f)]):
+        for optima in store.optima([f for f in mine if f.hypothesis and not store.within_noise(f)]):
             mine.extend(optima[1:])
     return found
 
@@ -56,7 +56,7 @@ def _extended(search: Search, beam: list[Fit]) -> list[Fit]:
     problem, store, proposals = search.problem, search.store, []
     for fit in beam:
         wanted = {e for e in store.wanted if not store.effects[e].periodic}
-        if search.limits.spent():
+        if search.limits.search_over_budget():
             break
         sensitivities = sensitivities_of(store.fitter, fit, {}, wanted, {}, coarse=search.quick)
         screens = [Screen(problem, fit, sensitivities, noise) for noise in (fit.noise, problem.white())]
@@ -68,6 +68,6 @@ def _extended(search: Search, beam: list[Fit]) -> list[Fit]:
         ]
     rough = {f.hypothesis: f for f in store.try_fits(proposals, rough=True)}
     first = sorted(rough.values(), key=store.score)[:REFINED]
-    fitted = store.in_earnest(first)
-    unique = {f.hypothesis: f for f in fitted if store.named(f)}
+    fitted = store.refined(first)
+    unique = {f.hypothesis: f for f in fitted if store.admissible(f)}
     return sorted(unique.values(), key=store.score)[:WIDTH]

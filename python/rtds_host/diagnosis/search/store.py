@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from rtds_host.diagnosis.effects import Effect
-from rtds_host.diagnosis.evidence import CONVINCING, believed, compared, excess, worth_adding
+from rtds_host.diagnosis.evidence import CONVINCING, compared, excess, log_odds, worth_adding
 from rtds_host.diagnosis.fit import (
     ITERATIONS,
     ROUGH_ITERATIONS,
@@ -74,13 +74,15 @@ class Store:
         """-2 log of evidence times prior."""
         return fit.score - 2.0 * self.log_prior(fit.hypothesis)
 
-    def takes_off(self, fit: Fit, other: Fit) -> float:
-        """What one explanation takes off another's excess over white noise, a share of it."""
+    def excess_reduction(self, fit: Fit, other: Fit) -> float:
+        """By how much one explanation reduces another's excess over white noise, as a share of that excess."""
         return (self.score(other) - self.score(fit)) / max(excess(self.problem, other), 1.0)
 
-    def named(self, fit: Fit) -> bool:
-        """Whether each effect is big enough to be named, and no larger than can be: a `ratio` within 3 % of 1 on R, K,
-        J or B is a nuisance, and a size that rests on its bound replaces something else."""
+    def admissible(self, fit: Fit) -> bool:
+        """Whether each effect exceeds its constant's tolerance, and lies strictly within its bounds.
+
+        A ratio within tolerance on R, K, J or B is a nuisance. A size at its bound replaces something else.
+        """
         return all(
             not self._within_tolerance(self.effects[e], values) and not self.effects[e].at_its_bound(values)
             for (e, _), values in zip(fit.hypothesis, fit.values)
@@ -96,30 +98,30 @@ class Store:
 
     def best(self) -> Fit:
         """The most probable explanation so far."""
-        return min((f for f in self.fits.values() if self.named(f)), key=self.score)
+        return min((f for f in self.fits.values() if self.admissible(f)), key=self.score)
 
     def better(self, fit: Fit, others: Iterable[Fit]) -> Fit:
         """The most probable of an explanation and others; one that leaves no gap gives way to convincing odds alone."""
         best = min(others, key=self.score, default=fit)
-        least = 2.0 * math.log(CONVINCING) if self.closed(fit) else 0.0
+        least = 2.0 * math.log(CONVINCING) if self.within_noise(fit) else 0.0
         return best if self.score(best) < self.score(fit) - least else fit
 
     def gap(self, fit: Fit) -> float:
         return self.problem.gap(fit.model(self.problem))
 
-    def closed(self, fit: Fit) -> bool:
-        """Whether an explanation leaves no gap to speak of."""
+    def within_noise(self, fit: Fit) -> bool:
+        """Whether the gap of an explanation is no larger than noise makes it: below `LEAST`."""
         return self.gap(fit) < LEAST
 
-    def believed(self, extended: Fit, fit: Fit, closest: float) -> bool:
-        """Whether an explanation is more likely than a part of it, as far as its gain can be believed, and takes off
-        no small part of what that leaves beyond noise, or of the gap.
+    def supported(self, extended: Fit, fit: Fit, closest: float) -> bool:
+        """Whether an explanation is more probable than a subset of it, its gain limited by its scatter, and reduces the
+        subset's excess over white noise, or the gap, by more than a small share.
 
-        closest : the smallest gap before. Of the two measures of what is left either may say little before others are
-        in.
+        closest : the smallest gap before. One of the two measures suffices: either may say little until other effects
+        are included.
         """
         prior = self.log_prior(extended.hypothesis) - self.log_prior(fit.hypothesis)
-        if prior + believed(*compared(self.problem, extended, fit)) < 0.0:
+        if prior + log_odds(*compared(self.problem, extended, fit)) < 0.0:
             return False
         return self.score(fit) - self.score(extended) >= MINOR_SHARE * excess(self.problem, fit) or worth_adding(
             closest, self.gap(extended)
@@ -138,8 +140,8 @@ class Store:
         self.reached(proposals, rough)
         return [self.fits[one.hypothesis] for one in proposals]
 
-    def in_earnest(self, fits: Iterable[Fit]) -> list[Fit]:
-        """Rough fits, each fitted again from where it is."""
+    def refined(self, fits: Iterable[Fit]) -> list[Fit]:
+        """Rough fits, each fitted again to convergence from its present parameters."""
         return self.try_fits(Proposal(f.hypothesis, f.u, f) for f in fits)
 
     def reached(self, proposals: Sequence[Proposal], rough: bool) -> list[float]:
@@ -191,4 +193,4 @@ class Store:
         )
         for others in zip(plain, likely, strict=True):
             self._optima[others[0].hypothesis] = others
-        return [[fit, *filter(self.named, self._optima[fit.hypothesis])] for fit in fits]
+        return [[fit, *filter(self.admissible, self._optima[fit.hypothesis])] for fit in fits]

@@ -33,8 +33,10 @@ def extended(store: Store, screens: Sequence[Screen], fit: Fit, count: int) -> F
     best = None
     for rough in found[:EARNEST]:
         if best is None or store.score(rough) < store.score(best) + FAR:
-            other = polished(store, store.in_earnest([rough])[0], set(rough.hypothesis) - set(fit.hypothesis))
-            best = min([f for f in (best, other) if f is not None and store.named(f)], key=store.score, default=None)
+            other = polished(store, store.refined([rough])[0], set(rough.hypothesis) - set(fit.hypothesis))
+            best = min(
+                [f for f in (best, other) if f is not None and store.admissible(f)], key=store.score, default=None
+            )
     return best
 
 

@@ -6,7 +6,7 @@ import itertools
 import math
 from collections.abc import Sequence
 
-from rtds_host.diagnosis.evidence import believed, compared
+from rtds_host.diagnosis.evidence import compared, log_odds
 from rtds_host.diagnosis.fit import Fit, Proposal
 from rtds_host.diagnosis.screen import Candidate, Screen, clashes, doubles
 from rtds_host.diagnosis.search.moves.adding import with_one
@@ -32,7 +32,7 @@ def exchanged(store: Store, screening: Screening, fit: Fit, count: int) -> Fit:
     for cause, alone in zip(fit.hypothesis, without(store, fit, *fit.hypothesis)):
         starts += [*sides(store, fit, cause), *parted_sides(store, alone, cause), *halved(store, fit, cause)]
         found += namesakes(store, fit, cause).values()
-        sure = believed(*compared(store.problem, fit, alone)) > SURE
+        sure = log_odds(*compared(store.problem, fit, alone)) > SURE
         swaps += [
             Proposal.of(with_one(alone, one.cause, one.start), alone)
             for one in promising(store, screening.screens(store, alone), 1 if sure else count)
@@ -42,9 +42,9 @@ def exchanged(store: Store, screening: Screening, fit: Fit, count: int) -> Fit:
     found += [*store.try_fits(starts, rough=True), *others]
     found += store.try_fits(p for swap, other in zip(swaps, others) for p in mixed(store, fit, swap.near, other))
     tried = sorted([fit, *(f for f in found if store.score(f) < store.score(fit) + ROUGHLY)], key=store.score)
-    found = store.in_earnest(f for f in tried[:EARNEST] if f is not fit)
+    found = store.refined(f for f in tried[:EARNEST] if f is not fit)
     most, gap = len(fit.hypothesis), store.gap(fit)
-    return store.better(fit, [f for f in found if len(f.hypothesis) <= most or store.believed(f, fit, gap)])
+    return store.better(fit, [f for f in found if len(f.hypothesis) <= most or store.supported(f, fit, gap)])
 
 
 def mixed(store: Store, fit: Fit, alone: Fit, swapped: Fit) -> list[Proposal]:
@@ -78,11 +78,11 @@ def pairs_exchanged(store: Store, screening: Screening, fit: Fit) -> Fit:
         proposal
         for two, alone in zip(out, store.try_fits(rests, rough=True))
         for screen in screening.screens(store, alone)
-        for proposal in pairs_for(store, screen, alone, two)[: PAIRS if store.closed(fit) else 1]
+        for proposal in pairs_for(store, screen, alone, two)[: PAIRS if store.within_noise(fit) else 1]
     ]
     tried = [f for f in store.try_fits(proposals, rough=True) if store.score(f) < store.score(fit) + FAR]
-    found = store.in_earnest(sorted(tried, key=store.score)[:EARNEST_PAIRS])
-    return store.better(fit, [f for f in found if store.named(f)])
+    found = store.refined(sorted(tried, key=store.score)[:EARNEST_PAIRS])
+    return store.better(fit, [f for f in found if store.admissible(f)])
 
 
 def pairs_for(store: Store, screen: Screen, alone: Fit, two: Sequence[tuple[str, str]]) -> list[Proposal]:
@@ -107,6 +107,6 @@ def swapped(store: Store, fit: Fit, alone: Fit, rival: Candidate) -> Fit:
     """The fit with a rival in the effect's place; a rough one where that is far behind already. alone : without
     either."""
     (rough,) = store.try_fits([Proposal.of({**alone.parts, rival.cause: rival.start}, alone)], rough=True)
-    if believed(*compared(store.problem, fit, rough)) > SURE and store.score(rough) > store.score(fit) + FAR:
+    if log_odds(*compared(store.problem, fit, rough)) > SURE and store.score(rough) > store.score(fit) + FAR:
         return rough
-    return store.in_earnest([rough])[0]
+    return store.refined([rough])[0]

@@ -19,7 +19,7 @@ ROUNDS = 3
 def polished(store: Store, fit: Fit, causes: Iterable[tuple[str, str]]) -> Fit:
     """The lowest optimum found about those of some effects: each round looks about the last one, so it fits."""
     for cause in causes:
-        for values in store.effects[cause[0]].restarts if not store.closed(fit) else ():
+        for values in store.effects[cause[0]].restarts if not store.within_noise(fit) else ():
             restart = Proposal.of({**fit.parts, cause: scaled(store.effects, (cause,), [dict(values)])}, fit)
             if store.reached([restart], rough=True)[0] < store.score(fit) + FAR:
                 fit = store.try_fits([restart])[0]

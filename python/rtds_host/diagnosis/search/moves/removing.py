@@ -28,7 +28,7 @@ def pruned(store: Store, fit: Fit) -> Fit:
             break
         best = min(simpler, key=store.score)
         if store.score(best) < store.score(fit) + ROUGHLY:
-            (best,) = store.in_earnest([best])
+            (best,) = store.refined([best])
         if store.score(best) >= store.score(fit):
             break
         fit = best

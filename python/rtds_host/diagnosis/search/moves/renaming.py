@@ -29,7 +29,7 @@ def namesakes(store: Store, fit: Fit, cause: tuple[str, str]) -> dict[tuple[str,
 def renamed(store: Store, fit: Fit) -> Fit:
     """The explanation, or the better one that includes one of its effects' namesakes at the same size."""
     found = [f for cause in fit.hypothesis for f in namesakes(store, fit, cause).values()]
-    return min([fit, *(f for f in found if store.named(f))], key=store.score)
+    return min([fit, *(f for f in found if store.admissible(f))], key=store.score)
 
 
 def halved(store: Store, fit: Fit, cause: tuple[str, str]) -> list[Proposal]:
