@@ -26,8 +26,8 @@ from rtds_host.diagnosis.search.store import Store
 from rtds_host.diagnosis.thresholds import FEW_SHARE, MAJORITY
 
 # Why an effect of the most probable explanation is not included.
-NEGLIGIBLE = "closes next to nothing of the gap"
-NOT_CROSS_VALIDATED = "does not bring runs closer that it was not fitted to"
+NEGLIGIBLE = "closes hardly any of the gap"
+NOT_CROSS_VALIDATED = "does not reduce the residual of held-out runs"
 
 
 @dataclass(frozen=True)
@@ -225,7 +225,7 @@ def _unlikely(effects: list[EffectEvidence]) -> tuple[EffectEvidence, str] | Non
     one = min(effects, key=lambda s: s.probability)
     if one.probability >= MAJORITY:
         return None
-    return one, f"is missed too unevenly to be there (gain {one.gain:.0f}, {one.t:.1f} times its scatter over the runs)"
+    return one, f"has evidence that is too uneven over the runs (gain {one.gain:.0f}, {one.t:.1f} times its scatter)"
 
 
 def _negligible(store: Store, effects: list[EffectEvidence], fit: Fit) -> tuple[EffectEvidence, str] | None:
