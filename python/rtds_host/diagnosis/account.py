@@ -12,8 +12,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from rtds_host.diagnosis.choice import MAX_RESIDUAL_RATIO, Judged, residual_ratio
-from rtds_host.diagnosis.evidence import closer, compared, excess, log_odds, worth_naming
+from rtds_host.diagnosis.choice import MAX_RESIDUAL_RATIO, HeldOutScore, residual_ratio
+from rtds_host.diagnosis.evidence import enough_to_include, excess, gap_gain, likelihood_gain, log_odds
 from rtds_host.diagnosis.fit import Fit, Hypothesis, joined
 from rtds_host.diagnosis.gap import LEAST
 from rtds_host.diagnosis.left_out import left_out_gap
@@ -55,7 +55,7 @@ class EffectEvidence:
 class Account:
     """The included effects, the fit with just these, and the effects that are indistinguishable from them.
 
-    base : the fit without effects; dropped : (effect, side) -> why an effect of the most probable explanation is not
+    base : the fit without effects; rejected : (effect, side) -> why an effect of the most probable explanation is not
     included; indistinguishable : sets, each with an included effect first; alternatives : explanations with their
     probabilities, best first; shares : of each included effect with indistinguishable ones, its share of their common
     probability, by prior.
@@ -64,7 +64,7 @@ class Account:
     fit: Fit
     base: Fit
     included: tuple[EffectEvidence, ...]
-    dropped: dict[tuple[str, str], str]
+    rejected: dict[tuple[str, str], str]
     indistinguishable: tuple[tuple[tuple[str, str], ...], ...]
     alternatives: tuple[tuple[Hypothesis, float], ...]
     shares: dict[tuple[str, str], float] = field(default_factory=dict)
@@ -76,10 +76,10 @@ class Account:
 
 def account(search: Search, fit: Fit) -> Account:
     """The account of an explanation: its effects that are included, each by its own evidence."""
-    dropped: dict[tuple[str, str], str] = {}
+    rejected: dict[tuple[str, str], str] = {}
     store = search.store
     simple = removing.pruned(store, fit) if store.within_noise(fit) else _simplest(store, fit)
-    return _accounted(search, simple if store.admissible(simple) else fit, dropped)
+    return _accounted(search, simple if store.admissible(simple) else fit, rejected)
 
 
 def without_effects(search: Search, before: Account, removed: dict[tuple[str, str], str]) -> Account:
@@ -88,13 +88,13 @@ def without_effects(search: Search, before: Account, removed: dict[tuple[str, st
     store, kept = search.store, {cause: u for cause, u in before.fit.parts.items() if cause not in removed}
     if not kept:
         return Account(
-            before.base, before.base, (), before.dropped | removed, (), _alternatives(store, before.base, [], [])
+            before.base, before.base, (), before.rejected | removed, (), _alternatives(store, before.base, [], [])
         )
-    return _accounted(search, store.try_fit(*joined(kept), before.fit), before.dropped | removed)
+    return _accounted(search, store.try_fit(*joined(kept), before.fit), before.rejected | removed)
 
 
-def _accounted(search: Search, fit: Fit, dropped: dict[tuple[str, str], str]) -> Account:
-    """The account of an explanation, by backward elimination. Effects that are removed are added to `dropped`."""
+def _accounted(search: Search, fit: Fit, rejected: dict[tuple[str, str], str]) -> Account:
+    """The account of an explanation, by backward elimination. Effects that are removed are added to `rejected`."""
     store = search.store
     while fit.hypothesis:
         refitted = store.refined(removing.without(store, fit, *fit.hypothesis))
@@ -107,13 +107,13 @@ def _accounted(search: Search, fit: Fit, dropped: dict[tuple[str, str], str]) ->
         )
         if removed is None:
             break
-        one, dropped[one.cause] = removed
+        one, rejected[one.cause] = removed
         (fit,) = store.refined([one.refitted])
     else:
         effects = []
     base = _base(store)
     if fit.hypothesis and left_out_gap(store.problem, fit) > left_out_gap(store.problem, base):
-        dropped |= {cause: NOT_CROSS_VALIDATED for cause in fit.hypothesis}
+        rejected |= {cause: NOT_CROSS_VALIDATED for cause in fit.hypothesis}
         fit, effects = store.fits[()], []
     if not fit.hypothesis:
         fit = base
@@ -123,7 +123,7 @@ def _accounted(search: Search, fit: Fit, dropped: dict[tuple[str, str], str]) ->
         fit,
         base,
         tuple(effects),
-        dropped,
+        rejected,
         indistinguishable,
         _alternatives(store, fit, effects, rivals),
         {causes[0]: _share(store, causes) for causes in indistinguishable},
@@ -148,10 +148,10 @@ def declared(problem: Problem, fit: Fit) -> Fit:
 
 def _simplest(store: Store, fit: Fit) -> Fit:
     """The explanation with effects in their simpler form, where cross-validation does not support the full form."""
-    found = Judged.of(store.problem, fit)
+    found = HeldOutScore.of(store.problem, fit)
     for simple in sorted(store.try_fits(removing.plainer(store, fit), rough=True), key=store.score):
         (simple,) = store.refined([simple])
-        one = Judged.of(store.problem, simple)
+        one = HeldOutScore.of(store.problem, simple)
         if (
             store.admissible(simple)
             and residual_ratio(found, one) > MAX_RESIDUAL_RATIO
@@ -161,22 +161,22 @@ def _simplest(store: Store, fit: Fit) -> Fit:
     return fit
 
 
-def _forms_needed(store: Store, simple: Fit, judged: Judged, fit: Fit) -> bool:
+def _forms_needed(store: Store, simple: Fit, judged: HeldOutScore, fit: Fit) -> bool:
     """Whether cross-validation supports each simpler form of an explanation's effects."""
     simpler = set(simple.hypothesis) - set(fit.hypothesis)
     less = store.refined(removing.without(store, simple, *simpler))
-    return all(residual_ratio(judged, Judged.of(store.problem, one)) <= MAX_RESIDUAL_RATIO for one in less)
+    return all(residual_ratio(judged, HeldOutScore.of(store.problem, one)) <= MAX_RESIDUAL_RATIO for one in less)
 
 
 def _evidence_for(store: Store, fit: Fit, cause: tuple[str, str], refitted: Fit) -> EffectEvidence:
     problem = store.problem
-    gain, t = compared(problem, fit, refitted)
+    gain, t = likelihood_gain(problem, fit, refitted)
     share = store.excess_reduction(fit, refitted)
     without, gap = _closest(store, fit, refitted)
-    found = Judged.of(problem, fit)
-    others = [Judged.of(problem, one) for one in ((refitted,) if without is refitted else (without, refitted))]
+    found = HeldOutScore.of(problem, fit)
+    others = [HeldOutScore.of(problem, one) for one in ((refitted,) if without is refitted else (without, refitted))]
     ratio = max(residual_ratio(found, one) for one in others)
-    evidence = [log_odds(gain, t), log_odds(*closer(problem, fit, without))]
+    evidence = [log_odds(gain, t), log_odds(*gap_gain(problem, fit, without))]
     if not store.within_noise(fit):
         # The log likelihood ratio of held-out runs, each block of time one sample of unknown variance.
         evidence.append(-0.5 * problem.block_count * math.log(ratio))
@@ -239,9 +239,9 @@ def _negligible(store: Store, effects: list[EffectEvidence], fit: Fit) -> tuple[
             # must raise the squared gap by more than that of noise, 1.
             replaced = without < LEAST and excess(store.problem, store.fits[one.without.hypothesis]) == 0.0
             without = max(without, store.problem.gap_as_fitted(absent(store.problem, fit, one.cause)))
-            worth = worth_naming(without, gap) and not (replaced and without**2 - gap**2 < 1.0)
+            worth = enough_to_include(without, gap) and not (replaced and without**2 - gap**2 < 1.0)
         else:
-            worth = worth_naming(without, gap, one.share)
+            worth = enough_to_include(without, gap, one.share)
         if not worth:
             negligible.append((without, one))
     return (min(negligible, key=lambda found: found[0])[1], NEGLIGIBLE) if negligible else None
@@ -259,7 +259,7 @@ def _alternatives(
     others = {f.hypothesis: f for f in [*rivals, *(s.without for s in effects), store.fits[()]] if f is not fit}
     weights = {fit.hypothesis: 1.0}
     for hypothesis, other in others.items():
-        gain, t = compared(store.problem, fit, other)
+        gain, t = likelihood_gain(store.problem, fit, other)
         odds = store.log_prior(hypothesis) - store.log_prior(fit.hypothesis) - log_odds(gain, t)
         weights[hypothesis] = math.exp(min(odds, 0.0))
     total = sum(weights.values())

@@ -30,13 +30,13 @@ from rtds_host.diagnosis.problem import Problem
 MAX_RESIDUAL_RATIO = 0.75
 # Explanations whose gaps on runs left out are within this ratio are indistinguishable by them: what makes a gap of
 # none.
-AS_MUCH = gaps.LEAST
+EQUIVALENT_GAP_RATIO = gaps.LEAST
 # Of a channel or a case, what counts as no gap (contract, section 4).
 NO_GAP = gaps.LEAST**2 - 1.0
 
 
 @dataclass(frozen=True)
-class Judged:
+class HeldOutScore:
     """A fit, the problem that it is a fit of (whole runs or pieces), and its errors on runs left out over each horizon:
     whole runs and, of an axis, pieces that start from the measured state."""
 
@@ -45,18 +45,18 @@ class Judged:
     horizons: tuple[Sequence[Errors], ...]
 
     @classmethod
-    def of(cls, problem: Problem, fit: Fit) -> Judged:
+    def of(cls, problem: Problem, fit: Fit) -> HeldOutScore:
         parts = predicted(problem, fit)
         return cls(fit, problem, tuple(filter(None, (over_runs(problem, parts), over_pieces(problem, parts)))))
 
     @cached_property
-    def together(self) -> float:
+    def residual_power(self) -> float:
         """What is left of the squared gap beyond noise, of all channels at once: geometric mean over the horizons."""
         found = [gaps.pooled(parts) for parts in self.horizons]
         return _mean([_left(gaps.gap(channels), self._noise(channels)) for channels in found])
 
     @cached_property
-    def each(self) -> Mapping[tuple[int, str], float]:
+    def residual_power_by_channel(self) -> Mapping[tuple[int, str], float]:
         """The same of each channel by itself, by horizon and channel."""
         return {
             (horizon, channel): _left(gap, self._noise((channel,)))
@@ -67,7 +67,7 @@ class Judged:
     @property
     def gap(self) -> float:
         """The gap that would leave as much."""
-        return math.sqrt(self._noise(gaps.pooled(self.horizons[0])) + self.together)
+        return math.sqrt(self._noise(gaps.pooled(self.horizons[0])) + self.residual_power)
 
     def _noise(self, channels: Collection[str]) -> float:
         """The squared gap that the sensors' noise alone makes in some channels, 1 where it is as declared."""
@@ -83,22 +83,28 @@ def _mean(values: Collection[float]) -> float:
     return math.exp(sum(map(math.log, values)) / len(values))
 
 
-def pooled(one: Judged, other: Judged) -> float:
+def pooled(one: HeldOutScore, other: HeldOutScore) -> float:
     """What an explanation leaves of what another leaves over all channels at once, a ratio."""
-    return one.together / other.together
+    return one.residual_power / other.residual_power
 
 
-def residual_ratio(one: Judged, other: Judged) -> float:
+def residual_ratio(one: HeldOutScore, other: HeldOutScore) -> float:
     """The residual of one explanation over that of another on held-out runs: the smaller of the ratio over all channels
     at once and of the geometric mean over channels."""
     ratio = pooled(one, other)
-    mean = _mean([value / other.each[key] for key, value in one.each.items() if key in other.each])
+    mean = _mean(
+        [
+            value / other.residual_power_by_channel[key]
+            for key, value in one.residual_power_by_channel.items()
+            if key in other.residual_power_by_channel
+        ]
+    )
     # What brings one channel closer and opens the whole is no explanation of it. But gaps of the whole that are alike
     # say nothing: a loud channel makes them, and by a sensor that lags the others cannot come closer.
-    return min(ratio, mean) if ratio <= AS_MUCH**2 else ratio
+    return min(ratio, mean) if ratio <= EQUIVALENT_GAP_RATIO**2 else ratio
 
 
-def chosen(found: Mapping[int, list[Judged]], prior: Callable[[Fit], float]) -> Judged:
+def chosen(found: Mapping[int, list[HeldOutScore]], prior: Callable[[Fit], float]) -> HeldOutScore:
     """The explanation whose every effect is worth it.
 
     Looks ahead: two effects may be worth it only together, j of them where they leave at most
@@ -119,5 +125,5 @@ def chosen(found: Mapping[int, list[Judged]], prior: Callable[[Fit], float]) -> 
     }:
         count, worthy = next(iter(more.items()))
         best = min(worthy, key=lambda j: j.gap)
-    alike = [j for j in worthy if j.gap <= AS_MUCH * best.gap]
-    return min(alike, key=lambda j: prior(j.fit) + len(j.horizons[0]) * math.log(j.together))
+    alike = [j for j in worthy if j.gap <= EQUIVALENT_GAP_RATIO * best.gap]
+    return min(alike, key=lambda j: prior(j.fit) + len(j.horizons[0]) * math.log(j.residual_power))

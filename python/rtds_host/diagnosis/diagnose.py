@@ -14,7 +14,7 @@ from rtds_host.contract import Case
 from rtds_host.diagnosis import budget
 from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.account import Account, EffectEvidence, account, declared, without_effects
-from rtds_host.diagnosis.choice import Judged, chosen
+from rtds_host.diagnosis.choice import HeldOutScore, chosen
 from rtds_host.diagnosis.effort import Effort
 from rtds_host.diagnosis.experiment import next_experiment
 from rtds_host.diagnosis.fit import Fit
@@ -190,16 +190,16 @@ def chosen_search(case: Case, search: Search, best: Fit, threads: int, without: 
     return owner, taken.fit
 
 
-def by_runs_left_out(searches: list[Search], best: Fit) -> tuple[Search, Judged]:
+def by_runs_left_out(searches: list[Search], best: Fit) -> tuple[Search, HeldOutScore]:
     """The explanation that runs left out choose of what beams of these searches find and of the first one's best."""
     search = searches[0]
-    found: dict[int, list[tuple[Judged, Search]]] = {}
+    found: dict[int, list[tuple[HeldOutScore, Search]]] = {}
     for one in searches:
         for count, fits in widened(one).items():
             mine = [best] if one is search and len(best.hypothesis) == count and best not in fits else []
-            found.setdefault(count, []).extend((Judged.of(one.problem, fit), one) for fit in [*mine, *fits])
+            found.setdefault(count, []).extend((HeldOutScore.of(one.problem, fit), one) for fit in [*mine, *fits])
     if len(best.hypothesis) not in found:
-        found[len(best.hypothesis)] = [(Judged.of(search.problem, best), search)]
+        found[len(best.hypothesis)] = [(HeldOutScore.of(search.problem, best), search)]
     taken = chosen({count: [judged for judged, _ in mine] for count, mine in found.items()}, search.store.prior)
     owner = next(one for mine in found.values() for judged, one in mine if judged is taken)
     # What plain squares found is weighed by the likelihood as all else is, and fitted by it where that is exact.
@@ -220,7 +220,7 @@ def conclude(
         held = held_out(problem, weighed if weighed.included else replace(weighed, fit=weighed.base))
     if held.gap("refit") < gaps.LEAST or held.gap("after") > held.gap("refit"):
         # No gap, and no effect of it (contract, section 5): what was found is shown as tried.
-        weighed = Account(weighed.base, weighed.base, (), weighed.dropped, (), (((), 1.0),))
+        weighed = Account(weighed.base, weighed.base, (), weighed.rejected, (), (((), 1.0),))
         held = held_out(problem, weighed)
     shapes = Forms()
     if _looked_for(problem, weighed, held):
@@ -528,7 +528,7 @@ def _candidates(found: Investigation, weighed: Account) -> list[Candidate]:
             )
         elif any(h in equals for h in fit.hypothesis) and fit.hypothesis in likely:
             verdict, reason = "alike", "fits these runs as well as what is named"
-        elif out := [weighed.dropped[h] for h in fit.hypothesis if h in weighed.dropped]:
+        elif out := [weighed.rejected[h] for h in fit.hypothesis if h in weighed.rejected]:
             verdict, reason = "rejected", f"one of its effects {out[0]}"
         else:
             verdict, reason = (

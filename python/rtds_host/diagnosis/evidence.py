@@ -1,15 +1,13 @@
-"""What a gain of likelihood is worth where no explanation is exact.
+"""Evidence between two explanations where neither is exact.
 
-Two explanations are compared block by block of time. No block convinces by more than `CONVINCING` to one: beyond that
-it is the models' error that speaks. The gain of log likelihood G, the sum of these g_b over B blocks, is judged against
-its own scatter (Q. H. Vuong, Econometrica 57, 1989): with t = G / (sqrt(B) sd(g)), no more than exp(t^2 / 2) to one can
-be believed of it, however large it is. What is missed steadily, nearly wherever it acts, is there; what is missed in a
-few stretches replaces something else.
+They are compared block by block of time. The odds of one block are limited to `CONVINCING` to one: larger ones follow
+from the models' error. The gain of log likelihood G, the sum of the gains g_b of B blocks, is compared with its own
+scatter (Q. H. Vuong, Econometrica 57, 1989): with t = G / (sqrt(B) sd(g)), the odds are at most exp(t^2 / 2) to one. A
+gain in nearly all blocks is evidence for an effect. A gain in a few blocks is evidence of another cause.
 
-And an effect must be worth naming: what it takes off the squared gap is at least what counts as a gap at all, and
-next to a residual either half of that rest, or a tenth of the likelihood's excess: of a large residual any form takes a
-little. Where nothing stays, the residuals being no larger than their noise, the likelihood is exact, and tells it from
-a tolerance that would take its place (`account`).
+An effect must also reduce the squared gap by at least what counts as a gap. Next to a residual it must reduce it by
+half of that residual, or the likelihood's excess by a tenth: any form reduces a large residual by a little. Where the
+residuals are no larger than their noise, the likelihood is exact (`account`).
 """
 
 from __future__ import annotations
@@ -29,14 +27,14 @@ CONVINCING = 20.0
 MIN_GAP_REDUCTION = LEAST**2 - 1.0
 
 
-def worth_adding(without: float, gap: float) -> bool:
+def enough_to_extend(without: float, gap: float) -> bool:
     """Whether an effect that lowers the gap from `without` to `gap` takes off a gap and a tenth of the residual: enough
     to go on next to it.
     """
     return without**2 - gap**2 >= max(MIN_GAP_REDUCTION, MINOR_SHARE * (gap**2 - 1.0))
 
 
-def worth_naming(without: float, gap: float, share: float = 0.0) -> bool:
+def enough_to_include(without: float, gap: float, share: float = 0.0) -> bool:
     """Whether an effect that lowers the gap from `without` to `gap` takes off more than a substitute for the residual
     would; `share`: what it takes off the likelihood's excess over white noise, of that without it."""
     closes = without**2 - gap**2
@@ -54,12 +52,12 @@ def excess(problem: Problem, fit: Fit) -> float:
     return max(fit.noise.cost(fit.residual) - problem.size, 0.0)
 
 
-def compared(problem: Problem, fit: Fit, other: Fit) -> tuple[float, float]:
+def likelihood_gain(problem: Problem, fit: Fit, other: Fit) -> tuple[float, float]:
     """Gain of log likelihood of `fit` over `other`, and that gain over its scatter between blocks of time."""
     return _summed(problem, *(f.noise.blocks(f.residual, problem.blocks, problem.block_count) for f in (fit, other)))
 
 
-def closer(problem: Problem, fit: Fit, other: Fit) -> tuple[float, float]:
+def gap_gain(problem: Problem, fit: Fit, other: Fit) -> tuple[float, float]:
     """The same by the gap's measure: noise as large as all that `fit` leaves, white.
 
     A discrepancy that grows over a run or comes in strokes is no noise of one size: by it a likelihood may prefer in
@@ -91,8 +89,8 @@ def log_odds(gain: float, t: float) -> float:
 def distinguishable(gain: float, t: float, part: float, blocks: int, least: float = 0.0) -> bool:
     """Whether an explanation is told from another, which has another effect in one's place.
 
-    gain, t : of log likelihood by it, as of `compared`; part : what it takes off the other's excess over white noise, a
-    share of that, `least` the smallest that tells; blocks : of time. A form that is not quite the machine's own misses
+    gain, t : as of `likelihood_gain`; part : what it takes off the other's excess over white noise, a share of that,
+    `least` the smallest that tells; blocks : of time. A form that is not quite the machine's own misses
     the same in every block, which no scatter between blocks shows. But of a residual that is spread over so many blocks
     any form takes one block's share by chance.
     """

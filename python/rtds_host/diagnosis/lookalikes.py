@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Container, Iterable
 
-from rtds_host.diagnosis.choice import AS_MUCH, Judged
-from rtds_host.diagnosis.evidence import compared, distinguishable, worth_naming
+from rtds_host.diagnosis.choice import EQUIVALENT_GAP_RATIO, HeldOutScore
+from rtds_host.diagnosis.evidence import distinguishable, enough_to_include, likelihood_gain
 from rtds_host.diagnosis.fit import Fit, Proposal, scaled
 from rtds_host.diagnosis.gap import LEAST
 from rtds_host.diagnosis.indistinguishable import indistinguishable, nearly_indistinguishable
@@ -74,7 +74,10 @@ def _possible(store: Store, fit: Fit, one: Cause, without: Fit, cause: Cause, me
             return False
         if store.within_noise(fit):
             return not opens_gap(store.gap(swapped), store.gap(fit))
-        return Judged.of(store.problem, swapped).gap <= AS_MUCH * Judged.of(store.problem, fit).gap
+        return (
+            HeldOutScore.of(store.problem, swapped).gap
+            <= EQUIVALENT_GAP_RATIO * HeldOutScore.of(store.problem, fit).gap
+        )
 
     if met is not None and fits(met):
         return True
@@ -107,16 +110,16 @@ def _fitting(
     """
     found: dict[Cause, tuple[float, Fit]] = {}
     if not store.within_noise(fit):
-        own = Judged.of(store.problem, fit)
+        own = HeldOutScore.of(store.problem, fit)
         for cause, swapped in swaps.items():
-            gain, _ = compared(store.problem, fit, swapped)
+            gain, _ = likelihood_gain(store.problem, fit, swapped)
             # More parameters always leave a little less.
             plain = len(swapped.u) <= len(fit.u) and store.admissible(swapped)
-            if plain and Judged.of(store.problem, swapped).gap <= AS_MUCH * own.gap:
+            if plain and HeldOutScore.of(store.problem, swapped).gap <= EQUIVALENT_GAP_RATIO * own.gap:
                 found[cause] = gain, swapped
         return found
     for cause, swapped in swaps.items():
-        (gain, t), taken = compared(store.problem, fit, swapped), store.excess_reduction(fit, swapped)
+        (gain, t), taken = likelihood_gain(store.problem, fit, swapped), store.excess_reduction(fit, swapped)
         told = distinguishable(gain, t, taken, store.problem.block_count, MINOR_SHARE if cause in known else 0.0)
         if not told and store.admissible(swapped) and not opens_gap(store.gap(swapped), store.gap(fit)):
             found[cause] = gain, swapped
@@ -166,4 +169,4 @@ def swaps_of(search: Search, fit: Fit, one: Cause, without: Fit) -> dict[Cause, 
 
 def opens_gap(other: float, gap: float) -> bool:
     """Whether an explanation leaves a gap that is larger than another's by what is worth naming; noise alone is 1."""
-    return other >= LEAST and worth_naming(other, max(gap, 1.0))
+    return other >= LEAST and enough_to_include(other, max(gap, 1.0))

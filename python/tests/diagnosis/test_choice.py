@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from rtds_host.diagnosis.choice import MAX_RESIDUAL_RATIO, Judged, chosen, residual_ratio
+from rtds_host.diagnosis.choice import MAX_RESIDUAL_RATIO, HeldOutScore, chosen, residual_ratio
 from rtds_host.diagnosis.gap import Squares
 
 
@@ -14,7 +14,7 @@ def judged(*horizons, prior=0.0, runs=1, noise=1.0):
     runs : how many were left out in turn, all with these gaps; noise : what the samples show over what is declared."""
     each = horizons if isinstance(horizons[0], tuple) else (horizons,)
     parts = [[{c: Squares(gap**2, 1) for c, gap in zip(("w_l", "i_l"), gaps)}] * runs for gaps in each]
-    return Judged(
+    return HeldOutScore(
         SimpleNamespace(prior=prior),
         SimpleNamespace(sample_noise={"w_l": noise, "i_l": noise}),
         tuple(parts),

@@ -447,6 +447,6 @@ def test_what_gave_way_is_no_longer_named_and_the_gap_is_without_it():
     before = Account(named, nothing, (), {}, (), (((cause,), 1.0),))
     found = Investigation(search.problem, search, before)
     weighed, held, shapes = without_given_way(found, before, Forms(gave_way=(cause,)))
-    assert weighed.included == () and "gives way" in weighed.dropped[cause]
+    assert weighed.included == () and "gives way" in weighed.rejected[cause]
     assert held.gap("after") == held.gap("refit") > 1.5 * search.store.gap(named)
     assert shapes.gave_way == (cause,)

@@ -11,7 +11,7 @@ from diagnosis_cases import changed, make_case, make_run
 from rtds_host.contract import Case, builtin_robot
 from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.account import account
-from rtds_host.diagnosis.evidence import worth_naming
+from rtds_host.diagnosis.evidence import enough_to_include
 from rtds_host.diagnosis.fit import Fit, joined, scaled
 from rtds_host.diagnosis.left_out import left_out_gap, parted
 from rtds_host.diagnosis.problem import Problem
@@ -102,7 +102,7 @@ def test_what_one_run_alone_knows_of_and_fits_amiss_in_the_others_is_not_include
     )
     found = account(search, fit)
     assert [one.cause for one in found.included] == [COULOMB]
-    assert "not fitted to" in found.dropped["driver_gain", "both"]
+    assert "held-out runs" in found.rejected["driver_gain", "both"]
 
 
 @pytest.mark.parametrize(
@@ -120,7 +120,7 @@ def test_what_one_run_alone_knows_of_and_fits_amiss_in_the_others_is_not_include
 def test_an_effect_is_worth_naming_if_it_outweighs_half_of_the_residual_or_is_much_of_what_the_likelihood_sees(
     without, gap, share, worth
 ):
-    assert worth_naming(without, gap, share) is worth
+    assert enough_to_include(without, gap, share) is worth
 
 
 @pytest.mark.parametrize("declared", [1.0 / 3.0, 1.0, 3.0])

@@ -11,7 +11,7 @@ from diagnosis_cases import commands, make_case, make_run, without
 from rtds_host.contract import Case, RunLog, RunMeta, builtin_robot
 from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.diagnose import diagnose
-from rtds_host.diagnosis.evidence import closer, compared
+from rtds_host.diagnosis.evidence import gap_gain, likelihood_gain
 from rtds_host.diagnosis.gate import examine
 from rtds_host.diagnosis.gate.cuts import cut
 from rtds_host.diagnosis.indistinguishable import indistinguishable
@@ -243,9 +243,9 @@ def test_what_brings_nearly_all_of_a_run_closer_is_missed_by_the_gap_s_measure_w
         _Left(left + 4.0, np.zeros(40)),
         _Left(left + 40.0 * (Forty.blocks == 7), np.zeros(40)),
     )
-    assert compared(Forty, fit, other)[0] < 0.0
-    gain, t = closer(Forty, fit, other)
+    assert likelihood_gain(Forty, fit, other)[0] < 0.0
+    gain, t = gap_gain(Forty, fit, other)
     assert gain > 40.0 and t > 5.0
     # A single stretch convinces nobody, however far it is off.
-    gain, t = closer(Forty, fit, elsewhere)
+    gain, t = gap_gain(Forty, fit, elsewhere)
     assert 0.0 < gain < 4.0 and t < 2.0

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rtds_host.diagnosis import gap as gaps
-from rtds_host.diagnosis.choice import Judged
+from rtds_host.diagnosis.choice import HeldOutScore
 from rtds_host.diagnosis.effects import CATALOGUE, SIDES
 from rtds_host.diagnosis.fit import Fit, Fitter, joined
 from rtds_host.diagnosis.forms.curves import Form, put, shapes, sides_of, written
@@ -77,7 +77,7 @@ def forms_of(
         # What curves close is a share of what the names that are left leave.
         kept = {cause: u for cause, u in fit.parts.items() if cause not in found.gave_way}
         bare = Fitter(problem, fit.start).fit(*joined(kept), fit.z, fit.noise, STEPS)
-        found.judged[0] = Judged.of(problem, bare)
+        found.judged[0] = HeldOutScore.of(problem, bare)
     entries = [
         _entry(problem, found, form, side, share)
         for (form, side), share in zip(found.forms, closes(found), strict=True)

@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rtds_host.diagnosis.choice import Judged, pooled
+from rtds_host.diagnosis.choice import HeldOutScore, pooled
 from rtds_host.diagnosis.fit import Fit
 from rtds_host.diagnosis.forms.curves import Form, put, shapes
 from rtds_host.diagnosis.forms.screen import Promise
@@ -47,7 +47,9 @@ def moved(problem: Problem, promise: Promise, values: np.ndarray, factor: float)
     return replace(promise, form=form, start=coefficients / (form.prior_width * widths))
 
 
-def with_ends(problem: Problem, fits: Fits, promise: Promise, best: Judged, reach: float) -> tuple[Promise, Judged]:
+def with_ends(
+    problem: Problem, fits: Fits, promise: Promise, best: HeldOutScore, reach: float
+) -> tuple[Promise, HeldOutScore]:
     """The form with the ends that leave least of runs left out, and the explanation with it.
 
     Parameters
@@ -68,7 +70,7 @@ def with_ends(problem: Problem, fits: Fits, promise: Promise, best: Judged, reac
             if not tried:
                 break
             fitted = fits([one for _, one in tried])
-            judged = [(Judged.of(problem, fit), to, one) for (to, one), fit in zip(tried, fitted, strict=True)]
+            judged = [(HeldOutScore.of(problem, fit), to, one) for (to, one), fit in zip(tried, fitted, strict=True)]
             least, to, one = min(judged, key=lambda each: each[0].gap)
             if pooled(least, best) > GAINS:
                 break

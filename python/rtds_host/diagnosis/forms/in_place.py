@@ -16,7 +16,7 @@ import typer
 
 from rtds_host.contract import check_writable_file, read_case
 from rtds_host.contract.runlog import read_json
-from rtds_host.diagnosis.choice import MAX_RESIDUAL_RATIO, Judged, pooled
+from rtds_host.diagnosis.choice import MAX_RESIDUAL_RATIO, HeldOutScore, pooled
 from rtds_host.diagnosis.diagnose import taken
 from rtds_host.diagnosis.effects import CATALOGUE
 from rtds_host.diagnosis.fit import Fit, Fitter, Hypothesis, joined
@@ -39,8 +39,8 @@ class InPlace:
 
     form: Form
     side: str
-    named: Judged
-    curved: Judged
+    named: HeldOutScore
+    curved: HeldOutScore
 
     @property
     def approximate(self) -> bool:
@@ -78,7 +78,7 @@ def in_place(problem: Problem, fit: Fit, name: str) -> InPlace:
     mine = [cause for cause in fit.hypothesis if cause[0] == name]
     if not mine:
         raise InputError(f"{name}: the diagnosis does not name it")
-    named = Judged.of(problem, fit)
+    named = HeldOutScore.of(problem, fit)
     without: Hypothesis = tuple(cause for cause in fit.hypothesis if cause != mine[0])
     fitter = Fitter(problem, fit.start)
     parts = {cause: u for cause, u in fit.parts.items() if cause in without}
@@ -93,7 +93,7 @@ def in_place(problem: Problem, fit: Fit, name: str) -> InPlace:
     fitter.effects = {**problem.effects, promise.form.id: promise.form.effect()}
     hypothesis, start = joined({**bare.parts, (promise.form.id, promise.side): promise.start})
     curved = fitter.fit(hypothesis, start, bare.z, bare.noise, STEPS)
-    return InPlace(promise.form, promise.side, named, Judged.of(problem, curved))
+    return InPlace(promise.form, promise.side, named, HeldOutScore.of(problem, curved))
 
 
 def fit_of(problem: Problem, diagnosis: dict[str, Any]) -> Fit:

@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 
 from rtds_host.diagnosis import gap as gaps
-from rtds_host.diagnosis.choice import AS_MUCH, MAX_RESIDUAL_RATIO, Judged, pooled, residual_ratio
+from rtds_host.diagnosis.choice import EQUIVALENT_GAP_RATIO, MAX_RESIDUAL_RATIO, HeldOutScore, pooled, residual_ratio
 from rtds_host.diagnosis.effects import RESEMBLES, Effect
 from rtds_host.diagnosis.fit import ROUGH_GAIN, Fit, Fitter, joined, parameters, side_by_side
 from rtds_host.diagnosis.forms.candidates import candidates
@@ -43,7 +43,7 @@ class Found:
     """Forms of a case, in the order in which they were found: `judged` holds the explanation without any and with one
     after the other. `notes`: what else is to be said; `gave_way`: named effects that curves do without."""
 
-    judged: list[Judged]
+    judged: list[HeldOutScore]
     forms: list[tuple[Form, str]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     gave_way: list[Cause] = field(default_factory=list)
@@ -63,7 +63,7 @@ def searched(problem: Problem, fit: Fit, quick: bool, lacking: Mapping[Cause, Fi
         the effect gives way to it. Effects that are not in here do not.
     """
     began = problem.work
-    found = Found([Judged.of(problem, fit)])
+    found = Found([HeldOutScore.of(problem, fit)])
     known: dict[str, Effect] = dict(fit.effects)
     lacking = lacking or {}
     while len(found.forms) < plant.MOST_FORMS and found.judged[-1].gap >= LEAST_GAP:
@@ -107,12 +107,12 @@ def _keep_sizes(problem: Problem, found: Found) -> None:
     problem.follow_angles(True)
     fit = fitter.fit(hypothesis, start, now.z, now.noise, STEPS, by_nuisance=now.by_nuisance, held=held)
     problem.follow_angles(False)
-    found.judged[-1] = Judged.of(problem, _renewed(problem, fit))
+    found.judged[-1] = HeldOutScore.of(problem, _renewed(problem, fit))
 
 
 def _next(
     problem: Problem, found: Found, known: dict[str, Effect], quick: bool, lacking: list[Fit]
-) -> tuple[Promise, Judged] | None:
+) -> tuple[Promise, HeldOutScore] | None:
     """The form more that leaves least of runs left out, if it is worth it and no effect makes it as well.
 
     lacking : explanations in which it may stand for what they lack, next to the one that there is.
@@ -134,7 +134,7 @@ def _next(
     roughly = _roughly(problem, known, known_slopes, tried)
     problem.follow_angles(False)
     judged = [
-        (Judged.of(problem, _renewed(problem, fit)), base, one)
+        (HeldOutScore.of(problem, _renewed(problem, fit)), base, one)
         for (base, one), fit in zip(tried, roughly, strict=True)
         if fit.score < base.score
     ]
@@ -144,7 +144,7 @@ def _next(
     problem.follow_angles(False)
     # What the likelihood ends in may leave more of runs left out than what the rough fit came to.
     ended = [
-        (one, Judged.of(problem, _renewed(problem, fit)) if fit is not rough.fit else rough)
+        (one, HeldOutScore.of(problem, _renewed(problem, fit)) if fit is not rough.fit else rough)
         for (rough, base, one), earnest in zip(judged, fits)
         for fit in (rough.fit, earnest)
         if fit.score < base.score
@@ -155,7 +155,7 @@ def _next(
     if pooled(best, now) <= GAINS:
         reach = max(form.high for form in forms if form.over == promise.form.over)
         promise, best = with_ends(problem, partial(_side_by_side, problem, known, best.fit), promise, best, reach)
-    best = Judged.of(problem, _renewed(problem, _derived(problem, best.fit, known, promise)))
+    best = HeldOutScore.of(problem, _renewed(problem, _derived(problem, best.fit, known, promise)))
     if pooled(best, now) > MAX_RESIDUAL_RATIO:
         return None
     name = _named(problem, now, best, promise)
@@ -220,7 +220,7 @@ def give_way(problem: Problem, found: Found, lacking: Mapping[Cause, Fit]) -> No
     for cause in named:
         # A curve that was taken in an effect's place need not be what makes it needless.
         if cause not in found.fit.hypothesis:
-            now, again = found.judged[-1], Judged.of(problem, _again(problem, found, cause))
+            now, again = found.judged[-1], HeldOutScore.of(problem, _again(problem, found, cause))
             if residual_ratio(again, now) <= MAX_RESIDUAL_RATIO or _approximates(
                 problem, found, cause, now, lacking[cause]
             ):
@@ -231,7 +231,7 @@ def give_way(problem: Problem, found: Found, lacking: Mapping[Cause, Fit]) -> No
         for cause in named:
             if cause not in now.fit.hypothesis:
                 continue
-            less = Judged.of(problem, without(problem, now.fit, cause))
+            less = HeldOutScore.of(problem, without(problem, now.fit, cause))
             if residual_ratio(now, less) > MAX_RESIDUAL_RATIO and not _approximates(
                 problem, found, cause, less, lacking[cause]
             ):
@@ -262,15 +262,15 @@ def _again(problem: Problem, found: Found, cause: Cause) -> Fit:
     return fitter.fit(hypothesis, start, now.z, now.noise, STEPS, known, by_nuisance=now.by_nuisance, least=ROUGH_GAIN)
 
 
-def _approximates(problem: Problem, found: Found, cause: Cause, less: Judged, lacking: Fit) -> bool:
+def _approximates(problem: Problem, found: Found, cause: Cause, less: HeldOutScore, lacking: Fit) -> bool:
     """Whether an effect is a shape of a curve that was found, and makes the larger part of what the curve makes.
 
     less : with the curves and without the effect; lacking : with neither.
     """
     if _made_by_curves(found, cause, MINOR_SHARE) is None:
         return False
-    neither = Judged.of(problem, lacking).together
-    return neither - found.judged[0].together >= MAJORITY * (neither - less.together)
+    neither = HeldOutScore.of(problem, lacking).residual_power
+    return neither - found.judged[0].residual_power >= MAJORITY * (neither - less.residual_power)
 
 
 def _made_by_curves(found: Found, cause: Cause, most: float) -> np.ndarray | None:
@@ -307,7 +307,7 @@ def _side_by_side(problem: Problem, known: Mapping[str, Effect], fit: Fit, tried
     return [_renewed(problem, one) for one in fits]
 
 
-def _named(problem: Problem, now: Judged, judged: Judged, promise: Promise) -> str | None:
+def _named(problem: Problem, now: HeldOutScore, judged: HeldOutScore, promise: Promise) -> str | None:
     """The effect of the catalogue that does on runs left out what a form does, None without any."""
     fitter = Fitter(problem, now.fit.start)
     fitter.effects = dict(now.fit.effects)
@@ -320,7 +320,7 @@ def _named(problem: Problem, now: Judged, judged: Judged, promise: Promise) -> s
             start = np.array([p.scaled(first if p is effect.parameters[0] else p.starts[0]) for p in effect.parameters])
             hypothesis, u = joined({**now.fit.parts, (name, side): start})
             fit = fitter.fit(hypothesis, u, now.fit.z, now.fit.noise, STEPS, by_nuisance=now.fit.by_nuisance)
-            if Judged.of(problem, fit).gap <= AS_MUCH * judged.gap:
+            if HeldOutScore.of(problem, fit).gap <= EQUIVALENT_GAP_RATIO * judged.gap:
                 return name
     return None
 

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from rtds_host.diagnosis.effects import Effect
-from rtds_host.diagnosis.evidence import CONVINCING, compared, excess, log_odds, worth_adding
+from rtds_host.diagnosis.evidence import CONVINCING, enough_to_extend, excess, likelihood_gain, log_odds
 from rtds_host.diagnosis.fit import (
     ITERATIONS,
     ROUGH_ITERATIONS,
@@ -121,9 +121,9 @@ class Store:
         are included.
         """
         prior = self.log_prior(extended.hypothesis) - self.log_prior(fit.hypothesis)
-        if prior + log_odds(*compared(self.problem, extended, fit)) < 0.0:
+        if prior + log_odds(*likelihood_gain(self.problem, extended, fit)) < 0.0:
             return False
-        return self.score(fit) - self.score(extended) >= MINOR_SHARE * excess(self.problem, fit) or worth_adding(
+        return self.score(fit) - self.score(extended) >= MINOR_SHARE * excess(self.problem, fit) or enough_to_extend(
             closest, self.gap(extended)
         )
 

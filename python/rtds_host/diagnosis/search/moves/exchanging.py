@@ -6,7 +6,7 @@ import itertools
 import math
 from collections.abc import Sequence
 
-from rtds_host.diagnosis.evidence import compared, log_odds
+from rtds_host.diagnosis.evidence import likelihood_gain, log_odds
 from rtds_host.diagnosis.fit import Fit, Proposal
 from rtds_host.diagnosis.screen import Candidate, Screen, clashes, doubles
 from rtds_host.diagnosis.search.moves.adding import with_one
@@ -32,7 +32,7 @@ def exchanged(store: Store, screening: Screening, fit: Fit, count: int) -> Fit:
     for cause, alone in zip(fit.hypothesis, without(store, fit, *fit.hypothesis)):
         starts += [*sides(store, fit, cause), *parted_sides(store, alone, cause), *halved(store, fit, cause)]
         found += namesakes(store, fit, cause).values()
-        sure = log_odds(*compared(store.problem, fit, alone)) > SURE
+        sure = log_odds(*likelihood_gain(store.problem, fit, alone)) > SURE
         swaps += [
             Proposal.of(with_one(alone, one.cause, one.start), alone)
             for one in promising(store, screening.screens(store, alone), 1 if sure else count)
@@ -107,6 +107,6 @@ def swapped(store: Store, fit: Fit, alone: Fit, rival: Candidate) -> Fit:
     """The fit with a rival in the effect's place; a rough one where that is far behind already. alone : without
     either."""
     (rough,) = store.try_fits([Proposal.of({**alone.parts, rival.cause: rival.start}, alone)], rough=True)
-    if log_odds(*compared(store.problem, fit, rough)) > SURE and store.score(rough) > store.score(fit) + FAR:
+    if log_odds(*likelihood_gain(store.problem, fit, rough)) > SURE and store.score(rough) > store.score(fit) + FAR:
         return rough
     return store.refined([rough])[0]
