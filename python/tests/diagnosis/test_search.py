@@ -514,7 +514,7 @@ def test_a_restart_that_is_far_behind_in_a_rough_fit_is_left(monkeypatch, behind
         (cause, {"slip_per_newton": 0.05, "softness_m_per_n": 0.0005, "damping_n_s_per_m": 2.4, "grip": 0.9}),
     )
     store, tried = search.store, []
-    monkeypatch.setattr(store, "closed", lambda fit: False)
+    monkeypatch.setattr(store, "within_noise", lambda fit: False)
     monkeypatch.setattr(store, "reached", lambda proposals, rough: [store.score(fit) + FAR + behind])
     monkeypatch.setattr(polishing, "lower", lambda store, fit, cause: [])
     monkeypatch.setattr(store, "try_fits", lambda proposals: [tried.append(one) or fit for one in proposals])
