@@ -1,6 +1,7 @@
 """Forms: free curves in the equations, found, written, read and replayed."""
 
 import json
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -18,7 +19,7 @@ from rtds_host.diagnosis.forms.ends import movable, moved
 from rtds_host.diagnosis.forms.formula import fitted, laws
 from rtds_host.diagnosis.forms.in_place import in_place
 from rtds_host.diagnosis.forms.screen import Promise
-from rtds_host.diagnosis.forms.search import Cause, Found, searched
+from rtds_host.diagnosis.forms.search import Cause, Found, keep_sizes, searched
 from rtds_host.diagnosis.likelihood import Likelihood
 from rtds_host.diagnosis.predict import read_diagnosis
 from rtds_host.diagnosis.problem import Problem
@@ -253,19 +254,23 @@ def test_a_name_that_helps_next_to_a_curve_stays():
     assert found.fit.values[found.fit.hypothesis.index(cause)]["torque_nm"] == pytest.approx(0.05, rel=0.1)
 
 
-def test_a_name_that_makes_most_of_what_its_own_curve_makes_stays_as_an_approximation():
-    def bent(model):
-        # Largest in the middle of the speeds that are reached, where no effect of the catalogue has a bend.
-        with_form(
-            model,
-            "torque",
-            "w",
-            -6.0,
-            6.0,
-            lambda x: -0.06 * np.sign(x) * (0.4 + np.exp(-((np.abs(x) - 2.5) ** 2))),
-        )
+def bent(model) -> None:
+    # Largest in the middle of the speeds that are reached, where no effect of the catalogue has a bend.
+    with_form(model, "torque", "w", -6.0, 6.0, lambda x: -0.06 * np.sign(x) * (0.4 + np.exp(-((np.abs(x) - 2.5) ** 2))))
 
+
+def test_a_name_that_its_own_curve_could_make_keeps_its_size_or_there_is_no_curve():
+    """How much of the sum is whose no run says. Where held-out runs do not support the rest, it is no form."""
     problem, found, cause = searched_with_friction(bent)
+    before = found.judged[0]
+    assert np.array_equal(found.fit.parts[cause], before.fit.parts[cause])
+    found.judged[0] = replace(found.judged[-1], fit=before.fit)
+    keep_sizes(problem, found)
+    assert found.forms == [] and found.fit is before.fit
+
+
+def test_a_name_that_makes_most_of_what_its_own_curve_makes_stays_as_an_approximation():
+    problem, found, _ = searched_with_friction(bent)
     (form, _), *_ = found.forms
     assert (form.term, form.over) == ("torque", "w")
     assert found.gave_way == []

@@ -79,13 +79,14 @@ def searched(problem: Problem, fit: Fit, quick: bool, lacking: Mapping[Cause, Fi
     if found.forms and lacking:
         give_way(problem, found, lacking)
     if found.forms:
-        _keep_sizes(problem, found)
+        keep_sizes(problem, found)
     return found
 
 
-def _keep_sizes(problem: Problem, found: Found) -> None:
+def keep_sizes(problem: Problem, found: Found) -> None:
     """Give effects whose larger part the curves can make the sizes that they have without any: how much of the sum is
-    the effect's no run says, and a curve is what names leave."""
+    the effect's no run says, and a curve is what names leave. Curves that held-out runs no longer support then are no
+    forms, and no name gives way to them."""
     before, now = found.judged[0].fit, found.fit
     parts, held = now.parts, []
     for cause in before.hypothesis:
@@ -107,7 +108,11 @@ def _keep_sizes(problem: Problem, found: Found) -> None:
     problem.follow_angles(True)
     fit = fitter.fit(hypothesis, start, now.z, now.noise, STEPS, by_nuisance=now.by_nuisance, held=held)
     problem.follow_angles(False)
-    found.judged[-1] = HeldOutScore.of(problem, _renewed(problem, fit))
+    kept = HeldOutScore.of(problem, _renewed(problem, fit))
+    if pooled(kept, found.judged[0]) <= MAX_RESIDUAL_RATIO:
+        found.judged[-1] = kept
+    else:
+        del found.judged[1:], found.forms[:], found.gave_way[:]
 
 
 def _next(
