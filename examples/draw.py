@@ -204,7 +204,7 @@ def rooms() -> str:
         Box(250, 320, "contract/\ncase: robot, runs", "file"),
         Box(410, 320, "gate/\nsound samples"),
         Box(580, 320, "replay/\nrobot with effects"),
-        Box(760, 320, "search, account\nwhich effects, how sure", "program", 150),
+        Box(760, 320, "search, attribution\nwhich effects, how sure", "program", 150),
         Box(760, 410, "report/\nreport, diagnosis.json", "result", 150),
         Box(580, 410, "plant/\neach equation once", "physics"),
         Box(410, 410, "export/\nother simulators"),

@@ -22,7 +22,7 @@ WORDS = {
     "gate": "checking the logs",
     "replay": "first replay",
     "candidates": "searching",
-    "account": "weighing effects",
+    "attribution": "weighing effects",
     "gap": "runs left out",
     "forms": "free curves",
     "report": "writing",

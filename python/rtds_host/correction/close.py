@@ -65,7 +65,7 @@ def held_out(case: Case, names: list[str] | None) -> tuple[str, ...]:
 def _inputs(case: Case, model: Model, logs: Iterable[RunLog]) -> dict[str, tuple[np.ndarray, ...]]:
     """Inputs of the replay for each run, with the heading where the log holds none, see `Problem.aligned`."""
     problem = Problem(replace(case, runs=tuple(logs)), 1)
-    return {data.log.name: data.inputs for data in problem.whole_begun(problem.aligned(model))}
+    return {data.log.name: data.inputs for data in problem.whole_runs_starting(problem.aligned(model))}
 
 
 def _gap(parts: list[dict[str, np.ndarray]]) -> tuple[float, dict[str, float]]:

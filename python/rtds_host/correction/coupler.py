@@ -201,9 +201,9 @@ class Coupler:
         """
         total_s = sum(seconds for _, seconds in pieces)
         steps = round(total_s / STEP_S)
-        begun = self.now
+        start_s = self.now
         volts = self._schedule(pieces)
-        acting = self._acting(begun, total_s, volts)
+        acting = self._acting(start_s, total_s, volts)
         if self.formed.any:
             volts = volts + acting.volts
             pieces = [(self.formed.sent(asked, acting.volts), seconds) for asked, seconds in pieces]
@@ -250,8 +250,8 @@ class Coupler:
         self.load = happened
         return motion
 
-    def _acting(self, begun: float, seconds: float, volts: np.ndarray) -> Acting:
-        """What forms come to over an exchange that begins at `begun` s; volts : (n, 2) V of its layer steps."""
+    def _acting(self, start_s: float, seconds: float, volts: np.ndarray) -> Acting:
+        """What forms come to over an exchange that begins at `start_s` s; volts : (n, 2) V of its layer steps."""
         if not self.formed.any:
             return NOTHING
         # Forms of the exchange before drive the current, too.
@@ -259,7 +259,7 @@ class Coupler:
         amps = mean_current(self.rotor, self.current, known, self.speed, seconds)
         pose = self.engine.state()
         place = pose.x_m, pose.y_m, pose.yaw_rad
-        return self.formed.at(begun, seconds, self.rotor, self.state, amps, self.in_force, place)
+        return self.formed.at(start_s, seconds, self.rotor, self.state, amps, self.in_force, place)
 
     def load_of(self, acceleration: np.ndarray) -> np.ndarray:
         """Torques (2,) N m that the wheels take at an `acceleration` (2,) rad/s² behind a rigid gear."""

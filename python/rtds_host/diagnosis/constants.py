@@ -111,11 +111,11 @@ def kind(reason: str) -> str:
 
 
 def by_folder(rows: list[tuple[str, str, str, str]]) -> dict[str, list[tuple[str, str, str, str]]]:
-    """The rows by folder, those of the search and next to the folders as the search and its account."""
+    """The rows by folder, those of the search and next to the folders as the search and its attribution."""
     found: dict[str, list[tuple[str, str, str, str]]] = {}
     for row in rows:
         folder = row[0].split("/")[0] if "/" in row[0] else "search"
-        found.setdefault("search and account" if folder == "search" else folder, []).append(row)
+        found.setdefault("search and attribution" if folder == "search" else folder, []).append(row)
     return found
 
 

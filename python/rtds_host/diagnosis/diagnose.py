@@ -1,4 +1,4 @@
-"""A case's whole diagnosis: log -> gate -> replay -> candidates -> account -> report."""
+"""A case's whole diagnosis: log -> gate -> replay -> candidates -> attribution -> report."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 from rtds_host.contract import Case
 from rtds_host.diagnosis import budget
 from rtds_host.diagnosis import gap as gaps
-from rtds_host.diagnosis.account import Account, EffectEvidence, account, declared, without_effects
+from rtds_host.diagnosis.attribution import Attribution, EffectEvidence, attribute, declared, without_effects
 from rtds_host.diagnosis.choice import HeldOutScore, chosen
 from rtds_host.diagnosis.effort import Effort
 from rtds_host.diagnosis.experiment import next_experiment
@@ -42,7 +42,7 @@ SCHEMA = "rtds-diagnosis/3"
 # Named effects that leave no more than this of the gap explain it (contract, section 5).
 RESIDUAL_OF_KNOWN = 0.3
 # Why an effect is not included in whose place a form leaves clearly less.
-GAVE_WAY = "gives way to a free curve, which leaves clearly less of runs that it was not fitted to"
+SUPERSEDED = "is superseded by a free curve, which leaves clearly less of runs that it was not fitted to"
 # Numerical: a nuisance that moved by less than so many of its sigmas did not move.
 MOVED = 0.01
 
@@ -86,10 +86,10 @@ def diagnose(
 
 def effort_of(case: Case, quick: bool, say: Callable[[str, float], None]) -> Effort:
     """What counts the work of a case's diagnosis: at most of three searches of an axis, of two of a robot, and as much
-    as one for the account.
+    as one for the attribution.
     """
     most = QUICK_WORK if quick else MOST_WORK
-    return Effort(say, {"candidates": most * (3 if case.robot.axis is not None else 2), "account": most})
+    return Effort(say, {"candidates": most * (3 if case.robot.axis is not None else 2), "attribution": most})
 
 
 def taken(case: Case, gate: Gate) -> Case:
@@ -103,16 +103,16 @@ def taken(case: Case, gate: Gate) -> Case:
 
 @dataclass
 class Investigation:
-    """A search and the account made of it."""
+    """A search and the attribution made of it."""
 
     problem: Problem
     search: Search
-    account: Account
+    attribution: Attribution
 
     @property
     def gap(self) -> float:
-        """The gap that the account leaves, of whole runs."""
-        return self.problem.gap(self.account.fit.model(self.problem))
+        """The gap that the attribution leaves, of whole runs."""
+        return self.problem.gap(self.attribution.fit.model(self.problem))
 
 
 def investigate(
@@ -131,8 +131,8 @@ def investigate(
         search, best = _encoder_placed(case, search, best, threads, without)
     if not search.store.within_noise(best):
         search, best = chosen_search(search.problem.case, search, best, threads, without)
-    say("account", 0.7)
-    return Investigation(search.problem, search, account(search, best))
+    say("attribution", 0.7)
+    return Investigation(search.problem, search, attribute(search, best))
 
 
 def _encoder_placed(case: Case, search: Search, best: Fit, threads: int, without: frozenset[str]) -> tuple[Search, Fit]:
@@ -202,49 +202,60 @@ def by_runs_left_out(searches: list[Search], best: Fit) -> tuple[Search, HeldOut
         found[len(best.hypothesis)] = [(HeldOutScore.of(search.problem, best), search)]
     taken = chosen({count: [judged for judged, _ in mine] for count, mine in found.items()}, search.store.prior)
     owner = next(one for mine in found.values() for judged, one in mine if judged is taken)
-    # What plain squares found is weighed by the likelihood as all else is, and fitted by it where that is exact.
+    # What plain squares found is judged by the likelihood as all else is, and fitted by it where that is exact.
     fit = replace(taken.fit, noise=owner.problem.white().estimated(taken.fit.residual))
-    return owner, replace(taken, fit=owner.store.refined([fit])[0] if owner.store.within_noise(fit) else fit)
+    return owner, replace(taken, fit=owner.store.converged([fit])[0] if owner.store.within_noise(fit) else fit)
+
+
+def _supported(found: Investigation, say: Callable[[str, float], None]) -> tuple[Attribution, HeldOut, Forms]:
+    """The attribution as far as held-out runs support it, its gaps on these, and the forms of its residual."""
+    problem, attribution = found.problem, found.attribution
+    say("gap", 0.85)
+    held = held_out(problem, attribution)
+    if held.gap("refit") > max(held.gap("before"), gaps.LEAST):
+        # Nuisances that open the gap of runs left out are no better known than declared.
+        attribution = replace(attribution, base=declared(problem, attribution.base))
+        held = held_out(problem, attribution if attribution.included else replace(attribution, fit=attribution.base))
+    if held.gap("refit") < gaps.LEAST or held.gap("after") > held.gap("refit"):
+        # No gap, and no effect of it (contract, section 5): what was found is shown as tried.
+        attribution = Attribution(attribution.base, attribution.base, (), attribution.rejected, (), (((), 1.0),))
+        held = held_out(problem, attribution)
+    shapes = Forms()
+    if _looked_for(problem, attribution, held):
+        say("forms", 0.87)
+        lacking = {one.cause: one.refitted for one in attribution.included}
+        shapes = forms_of(problem, attribution.fit, held.gap("after"), found.search.quick, lacking)
+        if shapes.superseded:
+            attribution, held, shapes = without_superseded(found, attribution, shapes)
+    return attribution, held, shapes
 
 
 def conclude(
     found: Investigation, gate: Gate, say: Callable[[str, float], None] = lambda *_: None
 ) -> tuple[dict, Details]:
-    """What an account means in the contract's terms: gap on held-out runs, shares, alternatives, next experiment."""
-    problem, weighed = found.problem, found.account
-    say("gap", 0.85)
-    held = held_out(problem, weighed)
-    if held.gap("refit") > max(held.gap("before"), gaps.LEAST):
-        # Nuisances that open the gap of runs left out are no better known than declared.
-        weighed = replace(weighed, base=declared(problem, weighed.base))
-        held = held_out(problem, weighed if weighed.included else replace(weighed, fit=weighed.base))
-    if held.gap("refit") < gaps.LEAST or held.gap("after") > held.gap("refit"):
-        # No gap, and no effect of it (contract, section 5): what was found is shown as tried.
-        weighed = Account(weighed.base, weighed.base, (), weighed.rejected, (), (((), 1.0),))
-        held = held_out(problem, weighed)
-    shapes = Forms()
-    if _looked_for(problem, weighed, held):
-        say("forms", 0.87)
-        lacking = {one.cause: one.refitted for one in weighed.included}
-        shapes = forms_of(problem, weighed.fit, held.gap("after"), found.search.quick, lacking)
-        if shapes.gave_way:
-            weighed, held, shapes = without_given_way(found, weighed, shapes)
+    """An attribution in the contract's terms: gap on held-out runs, shares, alternatives, next experiment."""
+    problem = found.problem
+    attribution, held, shapes = _supported(found, say)
     total = {name: held.gap(name) for name in ("before", "refit", "after")}
     closed = gaps.closed(total["before"], total["after"])
     effect_closed = gaps.closed(total["refit"], total["after"])
     unexplained = min(max(1.0 - effect_closed, 0.0), 1.0) if effect_closed is not None else 0.0
-    structured = _beyond_noise(problem, weighed.fit, total["after"]) and _correlated(problem, weighed.fit)
-    verdict = _verdict(total, bool(weighed.included), structured, unexplained)
+    structured = _beyond_noise(problem, attribution.fit, total["after"]) and _correlated(problem, attribution.fit)
+    verdict = _verdict(total, bool(attribution.included), structured, unexplained)
     timing = given(gate.timing, "the clock")
-    known = intervals(problem, weighed.fit, timing.stamps_s, timing.step_s, _missing(found.search.store, weighed.fit))
-    scatter = scattered(problem, weighed.fit) if weighed.included else {}
-    localisation = localise(problem.looked_at, weighed.base.model(problem))
-    after = localise(problem.looked_at, weighed.fit.model(problem), held=True) if weighed.included else localisation
-    rows = [] if verdict == "none" else budget.shares(problem, weighed.fit, total["after"], after)
+    known = intervals(
+        problem, attribution.fit, timing.stamps_s, timing.step_s, _missing(found.search.store, attribution.fit)
+    )
+    scatter = scattered(problem, attribution.fit) if attribution.included else {}
+    localisation = localise(problem.looked_at, attribution.base.model(problem))
+    after = (
+        localise(problem.looked_at, attribution.fit.model(problem), held=True) if attribution.included else localisation
+    )
+    rows = [] if verdict == "none" else budget.shares(problem, attribution.fit, total["after"], after)
     located = budget.located(problem, rows)
     placed = after.shares()
     rows = shapes.shared(rows, total["after"])
-    fitted, known = with_forms(problem, weighed.fit, known, shapes)
+    fitted, known = with_forms(problem, attribution.fit, known, shapes)
     say("report", 0.95)
 
     diagnosis = {
@@ -252,15 +263,15 @@ def conclude(
         "verdict": verdict,
         "located": [{**row, "share": _round(row["share"])} for row in located],
         "effects": [
-            {**_effect(problem, weighed, fitted, one, held, known), **_scatter(*scatter[one.cause])}
-            for one in weighed.included
+            {**_effect(problem, attribution, fitted, one, held, known), **_scatter(*scatter[one.cause])}
+            for one in attribution.included
         ],
         "forms": shapes.entries,
         "budget": [{**row, "share": _round(row["share"])} for row in rows],
         "nominal_fit": _nominal_fit(problem, fitted),
         **setup_of(problem, fitted),
-        "alternatives": _alternatives(problem, weighed, verdict),
-        "indistinguishable": [[_named(problem, cause) for cause in causes] for causes in weighed.indistinguishable],
+        "alternatives": _alternatives(problem, attribution, verdict),
+        "indistinguishable": [[_named(problem, cause) for cause in causes] for causes in attribution.indistinguishable],
         "gap": {
             **{name: _round(value) for name, value in total.items()},
             "closed": None if closed is None else _round(closed),
@@ -277,9 +288,9 @@ def conclude(
         "held_out_runs": [run.name for run in problem.case.runs],
         "next_experiment": None,
     }
-    diagnosis["next_experiment"] = next_experiment(problem, found.search.store, weighed, diagnosis)
-    lies = localisation, after if weighed.included else None
-    details = _details(found, gate, weighed, held, shapes.notes, lies)
+    diagnosis["next_experiment"] = next_experiment(problem, found.search.store, attribution, diagnosis)
+    lies = localisation, after if attribution.included else None
+    details = _details(found, gate, attribution, held, shapes.notes, lies)
     if verdict != "none":
         details.over_runs = {
             (cause[0], _side(problem, cause) if cause[0] in problem.effects else cause[1]): sizes
@@ -291,7 +302,7 @@ def conclude(
 def _details(
     found: Investigation,
     gate: Gate,
-    weighed: Account,
+    attribution: Attribution,
     held: HeldOut,
     notes: list[str],
     lies: tuple[Localisation, Localisation | None],
@@ -303,7 +314,7 @@ def _details(
         gate=gate,
         localisation=lies[0],
         localisation_after=lies[1],
-        candidates=_candidates(found, weighed),
+        candidates=_candidates(found, attribution),
         traces=held.traces,
         regimes={k: {n: _round(v) for n, v in e.items()} for k, e in held.regimes.items()},
         run_gaps=held.runs,
@@ -312,23 +323,25 @@ def _details(
         + held.notes
         + notes
         + said_of_end(found.search.limits)
-        + _louder(problem, weighed.fit),
+        + _louder(problem, attribution.fit),
     )
 
 
-def _looked_for(problem: Problem, weighed: Account, held: HeldOut) -> bool:
+def _looked_for(problem: Problem, attribution: Attribution, held: HeldOut) -> bool:
     """Whether forms are looked for: an explanation leaves a gap with structure."""
-    return held.gap("refit") >= gaps.LEAST and held.gap("after") >= gaps.LEAST and _correlated(problem, weighed.fit)
+    return held.gap("refit") >= gaps.LEAST and held.gap("after") >= gaps.LEAST and _correlated(problem, attribution.fit)
 
 
-def without_given_way(found: Investigation, weighed: Account, shapes: Forms) -> tuple[Account, HeldOut, Forms]:
-    """The account without the effects that gave way to forms, what it leaves of runs left out, and the forms."""
+def without_superseded(
+    found: Investigation, attribution: Attribution, shapes: Forms
+) -> tuple[Attribution, HeldOut, Forms]:
+    """The attribution without the effects that forms supersede, what it leaves of runs left out, and the forms."""
     problem = found.problem
-    reduced = without_effects(found.search, weighed, {cause: GAVE_WAY for cause in shapes.gave_way})
+    reduced = without_effects(found.search, attribution, {cause: SUPERSEDED for cause in shapes.superseded})
     held = held_out(problem, reduced)
     kept = {one.cause for one in reduced.included}
-    if kept != {cause for cause in weighed.fit.hypothesis if cause not in shapes.gave_way}:
-        # Others were included next to what gave way only: forms go with the effects that are left.
+    if kept != {cause for cause in attribution.fit.hypothesis if cause not in shapes.superseded}:
+        # Others were included only next to superseded effects: forms go with the effects that are left.
         again = forms_of(problem, reduced.fit, held.gap("after"), found.search.quick)
         shapes = replace(again, notes=shapes.notes + again.notes)
     return reduced, held, shapes
@@ -419,7 +432,7 @@ def with_forms(
 
 def _effect(
     problem: Problem,
-    weighed: Account,
+    attribution: Attribution,
     fit: Fit,
     one: EffectEvidence,
     held: HeldOut,
@@ -434,7 +447,7 @@ def _effect(
             "value": _round(unit * values[p.name]),
             "ci90": None if within is None else [_round(unit * end) for end in within],
         }
-    probability = one.probability * weighed.share(one.cause)
+    probability = one.probability * attribution.share(one.cause)
     return {
         **_named(problem, one.cause),
         "subsystem": effect.subsystem,
@@ -485,7 +498,7 @@ def _side(problem: Problem, cause: tuple[str, str]) -> str:
     return problem.effects[cause[0]].side_on(problem.robot.axis, cause[1])
 
 
-def _alternatives(problem: Problem, weighed: Account, verdict: str) -> list[dict]:
+def _alternatives(problem: Problem, attribution: Attribution, verdict: str) -> list[dict]:
     """Explanations and "unknown", best first: what the catalogue lacks is one effect more, as likely as each of its
     own; where none of these is included and a gap remains, it is what is left. Doubt of an effect is in the
     explanations without it."""
@@ -493,7 +506,7 @@ def _alternatives(problem: Problem, weighed: Account, verdict: str) -> list[dict
     outside = {"none": 0.0, "unknown": 1.0 - one}.get(verdict, one)
     rows: list[dict[str, Any]] = [
         {"effects": [_named(problem, cause) for cause in hypothesis], "probability": p * (1.0 - outside)}
-        for hypothesis, p in weighed.alternatives
+        for hypothesis, p in attribution.alternatives
     ]
     rows.append({"effects": "unknown", "probability": outside})
     first = rows[-1] if verdict == "unknown" else rows[0]
@@ -508,11 +521,11 @@ def _alternatives(problem: Problem, weighed: Account, verdict: str) -> list[dict
     return result
 
 
-def _candidates(found: Investigation, weighed: Account) -> list[Candidate]:
+def _candidates(found: Investigation, attribution: Attribution) -> list[Candidate]:
     """What was tried, best first, with the reason in words."""
-    problem, store, chosen = found.problem, found.search.store, weighed.fit
-    likely = dict(weighed.alternatives)
-    equals = {cause for causes in weighed.indistinguishable for cause in causes[1:]}
+    problem, store, chosen = found.problem, found.search.store, attribution.fit
+    likely = dict(attribution.alternatives)
+    equals = {cause for causes in attribution.indistinguishable for cause in causes[1:]}
     fits = sorted(store.fits.values(), key=lambda f: (f.hypothesis != chosen.hypothesis, store.score(f)))[:14]
     base = store.fits[()]
     rows = []
@@ -528,7 +541,7 @@ def _candidates(found: Investigation, weighed: Account) -> list[Candidate]:
             )
         elif any(h in equals for h in fit.hypothesis) and fit.hypothesis in likely:
             verdict, reason = "alike", "fits these runs as well as what is named"
-        elif out := [weighed.rejected[h] for h in fit.hypothesis if h in weighed.rejected]:
+        elif out := [attribution.rejected[h] for h in fit.hypothesis if h in attribution.rejected]:
             verdict, reason = "rejected", f"one of its effects {out[0]}"
         else:
             verdict, reason = (

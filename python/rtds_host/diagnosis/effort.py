@@ -13,7 +13,7 @@ from contextvars import ContextVar
 Say = Callable[[str, float], None]
 
 # Layout: shares of the whole at which stages that are counted in work begin and end.
-COUNTED = {"candidates": (0.1, 0.7), "account": (0.7, 0.85)}
+COUNTED = {"candidates": (0.1, 0.7), "attribution": (0.7, 0.85)}
 
 _watching: ContextVar[Callable[[float], None] | None] = ContextVar("watching", default=None)
 

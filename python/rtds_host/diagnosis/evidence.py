@@ -7,7 +7,7 @@ gain in nearly all blocks is evidence for an effect. A gain in a few blocks is e
 
 An effect must also reduce the squared gap by at least what counts as a gap. Next to a residual it must reduce it by
 half of that residual, or the likelihood's excess by a tenth: any form reduces a large residual by a little. Where the
-residuals are no larger than their noise, the likelihood is exact (`account`).
+residuals are no larger than their noise, the likelihood is exact (`attribution`).
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from rtds_host.contract import Case, Robot, RunLog, RunMeta
-from rtds_host.diagnosis.account import Account
+from rtds_host.diagnosis.attribution import Attribution
 from rtds_host.diagnosis.fit import Fit, joined, scaled
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import Model, replay_run, run_inputs
@@ -81,9 +81,9 @@ def _separation(plan: RunLog, problem: Problem, a: Fit, b: Fit, known: np.ndarra
     """
     there = _with_sensors(plan, a.model(problem), problem)
     # Where runs of the case began says nothing of the manoeuvre, whatever its name.
-    difference = there.residual(b.model(problem).begun(DECLARED))
+    difference = there.residual(b.model(problem).with_start(DECLARED))
     k = len(b.z)
-    models = [b.model_at(problem, b.z + step).begun(DECLARED) for step in np.eye(k)]
+    models = [b.model_at(problem, b.z + step).with_start(DECLARED) for step in np.eye(k)]
     jacobian = (
         np.column_stack([r - difference for r in there.residuals(models)]) if k else np.empty((len(difference), 0))
     )
@@ -92,9 +92,9 @@ def _separation(plan: RunLog, problem: Problem, a: Fit, b: Fit, known: np.ndarra
     return float(np.sqrt(max(left, 0.0)))
 
 
-def _in_its_place(store: Store, weighed: Account, cause: tuple[str, str], other: tuple[str, str]) -> Fit:
+def _in_its_place(store: Store, attribution: Attribution, cause: tuple[str, str], other: tuple[str, str]) -> Fit:
     """The explanation with a look-alike in place of an included effect that the search never met there."""
-    without = next(one.without for one in weighed.included if one.cause == cause)
+    without = next(one.without for one in attribution.included if one.cause == cause)
     start = scaled(store.effects, (other,), start_values(store.effects[other[0]])[:1])
     return store.try_fit(*joined({**without.parts, other: start}), without, rough=True)
 
@@ -119,7 +119,7 @@ def _supposed(problem: Problem, fit: Fit, subsystem: str | None) -> list[Fit]:
     return found[:SUPPOSED]
 
 
-def next_experiment(problem: Problem, store: Store, weighed: Account, diagnosis: dict) -> dict | None:
+def next_experiment(problem: Problem, store: Store, attribution: Attribution, diagnosis: dict) -> dict | None:
     """The manoeuvre to run next (contract, section 5): the one that separates indistinguishable effects, or that would
     tell most about the residual.
 
@@ -129,23 +129,23 @@ def next_experiment(problem: Problem, store: Store, weighed: Account, diagnosis:
     "expected_separation", "why"}, `scenario` with the options of `rtds run`.
     """
     verdict = diagnosis["verdict"]
-    if verdict == "none" or (verdict == "known" and not weighed.indistinguishable):
+    if verdict == "none" or (verdict == "known" and not attribution.indistinguishable):
         return None
     place = diagnosis["gap"]["rest"]["subsystem"]
-    if weighed.indistinguishable:
-        causes = weighed.indistinguishable[0]
-        kept = {h for h in weighed.fit.hypothesis if h != causes[0]}
+    if attribution.indistinguishable:
+        causes = attribution.indistinguishable[0]
+        kept = {h for h in attribution.fit.hypothesis if h != causes[0]}
         rivals = [
-            store.fits.get(tuple(sorted({*kept, m}))) or _in_its_place(store, weighed, causes[0], m) for m in causes
+            store.fits.get(tuple(sorted({*kept, m}))) or _in_its_place(store, attribution, causes[0], m) for m in causes
         ]
         separates = [{"id": e, "side": problem.effects[e].side_on(problem.robot.axis, s)} for e, s in causes]
     else:
-        supposed = _supposed(problem, weighed.fit, place)
-        rivals = [weighed.fit, *supposed]
-        new = [h for fit in supposed for h in fit.hypothesis if h not in weighed.fit.hypothesis]
+        supposed = _supposed(problem, attribution.fit, place)
+        rivals = [attribution.fit, *supposed]
+        new = [h for fit in supposed for h in fit.hypothesis if h not in attribution.fit.hypothesis]
         separates = [{"id": e, "side": problem.effects[e].side_on(problem.robot.axis, s)} for e, s in new]
-    count = len(weighed.fit.z)
-    known = weighed.fit.precision[:count, :count]
+    count = len(attribution.fit.z)
+    known = attribution.fit.precision[:count, :count]
     best: tuple[float, str, Scenario] | None = None
     for scenario in scenarios().values():
         if scenario.family != "diagnosis" or len(rivals) < 2 or problem.robot.driver.mode == "speed":
@@ -166,7 +166,7 @@ def next_experiment(problem: Problem, store: Store, weighed: Account, diagnosis:
         "scenario": text,
         "separates": separates,
         "expected_separation": float(f"{value:.3g}"),
-        "why": f"{purpose_of(bool(weighed.indistinguishable), place, compared)}: {scenario.about}",
+        "why": f"{purpose_of(bool(attribution.indistinguishable), place, compared)}: {scenario.about}",
     }
 
 

@@ -11,7 +11,7 @@ from scipy.special import stdtrit
 
 from rtds_host.contract import RunLog
 from rtds_host.diagnosis import gap as gaps
-from rtds_host.diagnosis.account import Account
+from rtds_host.diagnosis.attribution import Attribution
 from rtds_host.diagnosis.fit import Fit
 from rtds_host.diagnosis.left_out import left_out, parted
 from rtds_host.diagnosis.localise.regimes import Motion, regimes
@@ -45,23 +45,23 @@ class HeldOut:
         return gaps.gap(self.channels[model])
 
 
-def held_out(problem: Problem, account: Account) -> HeldOut:
+def held_out(problem: Problem, attribution: Attribution) -> HeldOut:
     """Gaps of the nominal robot, the refitted one, and the one with the effects that stand, on runs left out."""
     robot = problem.robot
-    models: dict[str | tuple[str, str], Fit] = {"refit": account.base, "after": account.fit}
-    models.update({s.cause: s.without for s in account.included})
-    step = min(REPORT_STEP_S, account.fit.model(problem).step_s)
+    models: dict[str | tuple[str, str], Fit] = {"refit": attribution.base, "after": attribution.fit}
+    models.update({s.cause: s.without for s in attribution.included})
+    step = min(REPORT_STEP_S, attribution.fit.model(problem).step_s)
     parts: dict[str | tuple[str, str], list[dict[str, gaps.Squares]]] = {name: [] for name in ("before", *models)}
     by_regime: dict[str, dict[str, list[dict[str, gaps.Squares]]]] = {}
     runs, traces, stretches = {}, {}, []
     notes = [
         f"{name}: no heading in the log; the slope's pull says that the run began at {heading:.2f} rad"
-        for name, heading in account.fit.start.headings
+        for name, heading in attribution.fit.start.headings
     ]
     notes += [
         f"{name}: its commands act {late:+.2g} s later than those of the other runs; effects were fitted with that,"
         " every gap shown is without it"
-        for name, late in account.fit.start.command_delays
+        for name, late in attribution.fit.start.command_delays
     ]
     if problem.searched < 1.0:
         notes.append(
@@ -79,7 +79,7 @@ def held_out(problem: Problem, account: Account) -> HeldOut:
         name: iter(left_out(problem, fit, [rows for mine in pieces for _, _, rows in mine]))
         for name, fit in models.items()
     }
-    for data, mine in zip(problem.whole_begun(account.fit.start), pieces):
+    for data, mine in zip(problem.whole_runs_starting(attribution.fit.start), pieces):
         nominal = replay_run(problem.nominal, data.inputs, step)
         own: dict[str | tuple[str, str], list[dict[str, gaps.Squares]]] = {name: [] for name in parts}
         shown = {"refit": np.empty_like(nominal), "after": np.empty_like(nominal)}
@@ -111,7 +111,7 @@ def held_out(problem: Problem, account: Account) -> HeldOut:
             if data.log.has(c)
         }
     channels = {name: gaps.pooled(parts[name]) for name in ("before", "refit", "after")}
-    lacking = {s.cause: gaps.pooled(parts[s.cause]) for s in account.included}
+    lacking = {s.cause: gaps.pooled(parts[s.cause]) for s in attribution.included}
     without = {cause: gaps.gap(found) for cause, found in lacking.items()}
     decided = {
         cause: max(

@@ -27,7 +27,8 @@ import numpy as np
 from rtds_host.diagnosis.fit import Fit, parameters, prior_weight
 from rtds_host.diagnosis.nuisances import LATENCY, LATENCY_S
 from rtds_host.diagnosis.problem import Problem
-from rtds_host.diagnosis.scatter import Z90, scattered
+from rtds_host.diagnosis.scatter import scattered
+from rtds_host.diagnosis.thresholds import Z90
 
 # Numerical: share of its size that a change must differ by from what a fit can do.
 DISTINCT = 1e-3

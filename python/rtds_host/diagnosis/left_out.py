@@ -38,7 +38,7 @@ def left_out(problem: Problem, fit: Fit, parts: Sequence[np.ndarray]) -> list[Mo
     residuals = [fit.residual] * len(parts)
     for turn in range(STEPS):
         sensitivities = [
-            move + _step(fit, keep, jacobian, residual, rows, move, begun=not turn)
+            move + _step(fit, keep, jacobian, residual, rows, move, first=not turn)
             for move, residual, rows in zip(sensitivities, residuals, others, strict=True)
         ]
         residuals = problem.residuals([_moved(problem, fit, move) for move in sensitivities])
@@ -63,10 +63,10 @@ def _step(
     residual: np.ndarray,
     rows: np.ndarray,
     move: np.ndarray,
-    begun: bool,
+    first: bool,
 ) -> np.ndarray:
     """A step of all parameters, (k + p,), towards the optimum of some rows, from where `move` led; none where these
-    rows do not determine it. `begun`: the first one, which starts from an optimum of all rows."""
+    rows do not determine it. `first`: the first one, which starts from an optimum of all rows."""
     noise = fit.noise.estimated(residual)
     root = np.ones(len(residual)) if noise.root is None else noise.root
     at = (np.concatenate([fit.z, fit.u]) + move)[keep]
@@ -74,7 +74,7 @@ def _step(
     weighted = jacobian[rows] * root[rows, None]
     hessian = weighted.T @ weighted + np.diag(prior)
     gradient = weighted.T @ (residual * root)[rows] + prior * at
-    if begun:
+    if first:
         # What the last step of the fit to all left is no part of what these rows ask for.
         gradient -= (jacobian * root[:, None]).T @ (residual * root) + prior * at
     sigma = np.sqrt(np.diag(np.linalg.inv(hessian)))

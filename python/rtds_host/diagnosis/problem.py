@@ -67,7 +67,7 @@ class Problem:
         self.nuisances = nuisances_of(case, self.nominal)
         self.effects: dict[str, Effect] = catalogue(case.robot, case.runs)
         self.replayer = Replayer(case.robot, threads)
-        self._begun: dict[tuple[Start, bool], tuple[list[RunData], list[RunData]]] = {}
+        self._runs_by_start: dict[tuple[Start, bool], tuple[list[RunData], list[RunData]]] = {}
         self._follow = False
         lasted = sum(float(log.t[-1] - log.t[0]) for log in case.runs)
         coarsest = max(float(np.median(np.diff(log.t))) for log in case.runs)
@@ -219,11 +219,11 @@ class Problem:
         """The replayer's threads, for other work over runs."""
         return self.replayer.pool
 
-    def begun(self, start: Start) -> list[RunData]:
-        """The searched runs, begun as `start` says. A problem in pieces has measured states, which nothing changes."""
+    def runs_starting(self, start: Start) -> list[RunData]:
+        """The searched runs, which begin as `start` says. Pieces start from measured states, which nothing changes."""
         return self._started(start)[0]
 
-    def whole_begun(self, start: Start) -> list[RunData]:
+    def whole_runs_starting(self, start: Start) -> list[RunData]:
         """All runs from end to end, at the headings of `start`: a gap is with speeds as measured and with commands when
         they were given."""
         return self._started(start)[1]
@@ -231,7 +231,7 @@ class Problem:
     def _started(self, start: Start) -> tuple[list[RunData], list[RunData]]:
         start = DECLARED if self.pieces else start
         key = start, self._follow
-        if key not in self._begun:
+        if key not in self._runs_by_start:
             headings, speeds, command_delays = dict(start.headings), dict(start.speeds), dict(start.command_delays)
 
             def of(data: RunData, searched: bool) -> RunData:
@@ -247,10 +247,10 @@ class Problem:
             if self._follow:
                 logs = [self.whole[k].log for k in self.owners]
                 searched = [replace(d, inputs=following(d.inputs, log)) for d, log in zip(searched, logs, strict=True)]
-            while len(self._begun) >= STARTS_KEPT:
-                del self._begun[next(iter(self._begun))]
-            self._begun[key] = searched, [of(data, False) for data in self.whole]
-        return self._begun[key]
+            while len(self._runs_by_start) >= STARTS_KEPT:
+                del self._runs_by_start[next(iter(self._runs_by_start))]
+            self._runs_by_start[key] = searched, [of(data, False) for data in self.whole]
+        return self._runs_by_start[key]
 
     def _heading_misfit(self, data: RunData, model: Model, heading: float) -> float:
         start = data.inputs[-1].copy()
@@ -273,11 +273,11 @@ class Problem:
             moved[5] = moved[9] = speed
             return run_residual(data, replay_run(model, (*data.inputs[:-1], moved)))
 
-        begun = start[5]
-        at = residual(begun)
-        slope = (residual(begun + 0.3 * noise) - at) / (0.3 * noise)
-        step = -(slope @ at + (begun - measured) / noise**2) / (slope @ slope + noise**-2)
-        return float(np.clip(begun + step, measured - 3 * noise, measured + 3 * noise))
+        initial = start[5]
+        at = residual(initial)
+        slope = (residual(initial + 0.3 * noise) - at) / (0.3 * noise)
+        step = -(slope @ at + (initial - measured) / noise**2) / (slope @ slope + noise**-2)
+        return float(np.clip(initial + step, measured - 3 * noise, measured + 3 * noise))
 
     def aligned(self, model: Model) -> Start:
         """The model's start with the heading estimated at which runs began whose log holds none, where it matters: on a
@@ -286,7 +286,7 @@ class Problem:
         The contract has such runs begin at zero; a real one begins anywhere, and the slope then pulls another way than
         the replay's. An axis begins at a speed that is known to its sensor's noise only, which is estimated likewise.
         """
-        runs = self.begun(model.start)
+        runs = self.runs_starting(model.start)
         if self.robot.axis is not None:
             if self.pieces:
                 return model.start
@@ -323,7 +323,7 @@ class Problem:
         delay = model.get("command_delay") + model.get("measurement_delay")
         if delay <= 0.0 or self.pieces or self.searched < 1.0:
             return model.start
-        runs = self.begun(model.start)
+        runs = self.runs_starting(model.start)
         found = {data.log.name: late for data in runs if (late := self._later(data, model, delay))}
         return model.start if 2 * len(found) >= len(runs) else model.start.with_command_delays(found)
 
@@ -370,8 +370,8 @@ class Problem:
         return float(np.std(each, ddof=1)) / math.sqrt(len(each))
 
     def replay(self, model: Model) -> list[np.ndarray]:
-        """Replays of all runs, each (n, 11), begun as the model's start says."""
-        return [replay_run(model, data.inputs) for data in self.begun(model.start)]
+        """Replays of all runs, each (n, 11), from the model's start."""
+        return [replay_run(model, data.inputs) for data in self.runs_starting(model.start)]
 
     def residual(self, model: Model) -> np.ndarray:
         """Whitened residuals of all runs, (N,)."""
@@ -386,7 +386,7 @@ class Problem:
         steps = steps or [model.step_s for model in models]
         if len({model.start for model in models}) > 1:
             return self._by_start(models, steps)
-        runs = self.begun(models[0].start if models else DECLARED)
+        runs = self.runs_starting(models[0].start if models else DECLARED)
         return self.replayer.residuals(runs, [rows for _, rows in self.rows], models, steps)
 
     def _by_start(self, models: list[Model], steps: list[float]) -> list[np.ndarray]:
@@ -409,13 +409,15 @@ class Problem:
         """What an effect's worth is judged on, and the run that each is of: whole runs, of long ones the stretches that
         are searched, with commands as late in each run as they were fitted (`aligned_commands`)."""
         if start.command_delays or (self.searched < 1.0 and not self.pieces):
-            return list(zip(self.begun(start), self.owners, strict=True))
-        return [(data, k) for k, data in enumerate(self.whole_begun(start))]
+            return list(zip(self.runs_starting(start), self.owners, strict=True))
+        return [(data, k) for k, data in enumerate(self.whole_runs_starting(start))]
 
     def gap(self, model: Model) -> float:
         """The contract's gap at the search's steps: of whole runs, of long ones of the stretches that are searched."""
         searched = self.searched < 1.0 and not self.pieces
-        return self.replayer.gap(model, self.begun(model.start) if searched else self.whole_begun(model.start))
+        return self.replayer.gap(
+            model, self.runs_starting(model.start) if searched else self.whole_runs_starting(model.start)
+        )
 
     def gap_as_fitted(self, model: Model) -> float:
         """The same with commands as late in each run as they were fitted, `aligned_commands`: what an effect is worth
@@ -425,7 +427,7 @@ class Problem:
 
     def with_nuisances(self, z: np.ndarray, start: Start) -> Model:
         """The nominal model with nuisances z (in units of their prior's sigma), whose runs begin as `start` says."""
-        model = self.nominal.begun(start)
+        model = self.nominal.with_start(start)
         for value, nuisance in zip(z, self.nuisances):
             nuisance.apply(model, float(value))
         return model

@@ -162,12 +162,12 @@ def _alone(
     """Fill in the residual of a share of the runs, from one to before another."""
     first, last = share
     out = batch.replay_alone(model, first, last, step_s)
-    begun = batch.rows[first]
+    first_row = batch.rows[first]
     if compared is not None:
-        compared.residual(out, begun, slice(rows[first].start, rows[last - 1].stop), into)
+        compared.residual(out, first_row, slice(rows[first].start, rows[last - 1].stop), into)
         return
     for k in range(first, last):
-        run_residual(runs[k], out[batch.rows[k] - begun : batch.rows[k + 1] - begun], into[rows[k]])
+        run_residual(runs[k], out[batch.rows[k] - first_row : batch.rows[k + 1] - first_row], into[rows[k]])
 
 
 def _together(

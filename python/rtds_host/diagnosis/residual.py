@@ -248,11 +248,11 @@ class Comparison:
         parts: list[tuple[np.ndarray, ...]] = []  # values' numbers of entries, entries, weights, measured, noise
         levels, at, rows = [], 0, 0
         for data in runs:
-            begun = rows * len(OUTPUT_INDEX)
+            offset = rows * len(OUTPUT_INDEX)
             if data.sampled is not None:
                 seen = data.sampled
                 ones = np.ones(len(seen.entries))
-                parts.append((ones.astype(int), seen.entries + begun, ones, seen.measured, seen.noise))
+                parts.append((ones.astype(int), seen.entries + offset, ones, seen.measured, seen.noise))
                 if seen.level is not None:
                     levels.append(slice(at + seen.level.start, at + seen.level.stop))
             for _, column, windows, measured, scale in data.angles:
@@ -260,7 +260,7 @@ class Comparison:
                 parts.append(
                     (
                         windows.counts[1:] + windows.counts[:-1],
-                        entries * len(OUTPUT_INDEX) + column + begun,
+                        entries * len(OUTPUT_INDEX) + column + offset,
                         weights,
                         measured,
                         scale,
@@ -292,10 +292,10 @@ class Comparison:
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _sums_in_noise(replayed, begun, first, entries, weights, measured, noise, rows, into):
-    """Errors in units of noise of sums of a replay's entries, which begins at the entry `begun`."""
+def _sums_in_noise(replayed, offset, first, entries, weights, measured, noise, rows, into):
+    """Errors in units of noise of sums of a replay's entries, whose first entry is `offset`."""
     for k in range(rows[0], rows[1]):
         value = 0.0
         for n in range(first[k], first[k + 1]):
-            value += weights[n] * replayed[entries[n] - begun]
+            value += weights[n] * replayed[entries[n] - offset]
         into[k] = (value - measured[k]) / noise[k]

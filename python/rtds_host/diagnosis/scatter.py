@@ -22,12 +22,10 @@ from rtds_host.diagnosis.fit import Fit, apply, parameters
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import Model
 from rtds_host.diagnosis.settings import settings
-from rtds_host.diagnosis.thresholds import MINOR_SHARE
+from rtds_host.diagnosis.thresholds import MINOR_SHARE, Z90
 
 # Numerical: groups that are left out in turn: runs; where there are fewer of these, stretches of them.
 FEWEST_GROUPS = 4
-# Standard deviations to either side of 90 % of a normal (contract: 90 % intervals).
-Z90 = 1.6448536269514722
 
 
 def groups(problem: Problem) -> np.ndarray:
@@ -61,8 +59,8 @@ def scattered(problem: Problem, fit: Fit) -> dict[tuple[str, str], tuple[float, 
         own = sum(of_each, np.zeros(len(jacobian)))
         own = _apart(fit, jacobian, own, at)
         known = np.bincount(problem.blocks, own * own, minlength=problem.block_count)
-        weighed = known - np.bincount(problem.blocks, own * white, minlength=problem.block_count)
-        most, setting = max((scatter(values, weighed, known), name) for name, values in met.items())
+        weighted = known - np.bincount(problem.blocks, own * white, minlength=problem.block_count)
+        most, setting = max((scatter(values, weighted, known), name) for name, values in met.items())
         result[cause] = (most, setting if most > 0.0 else None)
     return result
 
@@ -97,21 +95,22 @@ def over_runs(problem: Problem, fit: Fit) -> dict[tuple[str, str], list[RunSize]
             own += jacobian[:, k].astype(float) * _size(p, float(fit.u[k - len(fit.z)]))
         own = _apart(fit, jacobian, own, at)
         known = np.bincount(problem.blocks, own * own, minlength=problem.block_count)
-        weighed = known - np.bincount(problem.blocks, own * white, minlength=problem.block_count)
-        if scatter(run_of.astype(float), weighed, known) > MINOR_SHARE:
+        weighted = known - np.bincount(problem.blocks, own * white, minlength=problem.block_count)
+        if scatter(run_of.astype(float), weighted, known) > MINOR_SHARE:
             found[cause] = [
-                _of_run(data.log.name, weighed[run_of == k], known[run_of == k]) for k, data in enumerate(problem.whole)
+                _of_run(data.log.name, weighted[run_of == k], known[run_of == k])
+                for k, data in enumerate(problem.whole)
             ]
     return found
 
 
-def _of_run(name: str, weighed: np.ndarray, known: np.ndarray) -> RunSize:
+def _of_run(name: str, weighted: np.ndarray, known: np.ndarray) -> RunSize:
     """A run's size from those of its blocks, I_b s_b and I_b, (blocks,) each."""
     total, used = float(known.sum()), known > 0.0
     if total <= 0.0:
         return RunSize(name, 1.0, math.inf)
-    size = float(weighed.sum()) / total
-    within = float(known[used] @ (weighed[used] / known[used] - size) ** 2)
+    size = float(weighted.sum()) / total
+    within = float(known[used] @ (weighted[used] / known[used] - size) ** 2)
     chance = max(within / max(int(np.count_nonzero(used)) - 1, 1), 1.0)
     return RunSize(name, size, Z90 * math.sqrt(chance / total))
 
@@ -131,18 +130,18 @@ def _size(p: Parameter, u: float) -> float:
     return u if p.null in (0.0, 1.0) else p.value(u) / p.slope(p.value(u))
 
 
-def scatter(values: np.ndarray, weighed: np.ndarray, known: np.ndarray) -> float:
+def scatter(values: np.ndarray, weighted: np.ndarray, known: np.ndarray) -> float:
     """Relative scatter of a size over groups of blocks in the order of `values`, of I_b s_b and I_b, all (blocks,)."""
     distinct, place = np.unique(values, return_inverse=True)
     before = np.cumsum(each := np.bincount(place, known, minlength=len(distinct))) - each
     group = (FEWEST_GROUPS * before / max(float(known.sum()), 1e-300)).astype(int).clip(0, FEWEST_GROUPS - 1)[place]
-    counts, sums, cross = (np.bincount(group, what, minlength=FEWEST_GROUPS) for what in (known > 0.0, known, weighed))
+    counts, sums, cross = (np.bincount(group, what, minlength=FEWEST_GROUPS) for what in (known > 0.0, known, weighted))
     if np.count_nonzero(sums) < 2:
         return 0.0
     sizes = cross / np.where(sums > 0.0, sums, 1.0)
     between = float(sums @ (sizes - cross.sum() / sums.sum()) ** 2)
     used = known > 0.0
-    within = float(known[used] @ (weighed[used] / known[used] - sizes[group[used]]) ** 2)
+    within = float(known[used] @ (weighted[used] / known[used] - sizes[group[used]]) ** 2)
     degrees = np.count_nonzero(sums) - 1
     chance = max(within / max(counts.sum() - degrees - 1, 1), 1.0)
     return math.sqrt(max(between - chance * (degrees + 2.0 * math.log(CONVINCING)), 0.0) / float(sums.sum()))

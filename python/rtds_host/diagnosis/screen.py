@@ -15,9 +15,9 @@ import numpy as np
 
 from rtds_host.diagnosis.effects import Effect
 from rtds_host.diagnosis.fit import Fit, Fitter, Hypothesis, apply, prior_weight, scaled
-from rtds_host.diagnosis.indistinguishable import indistinguishable
 from rtds_host.diagnosis.likelihood import Likelihood
 from rtds_host.diagnosis.problem import Problem
+from rtds_host.diagnosis.structurally_indistinguishable import structurally_indistinguishable
 
 # Numerical: how far from the size it was taken at a signature is believed, in that size.
 REACH = 6.0
@@ -368,4 +368,4 @@ def doubles(problem: Problem, cause: tuple[str, str], hypothesis: Hypothesis) ->
     """
     if clashes(cause, hypothesis) and not splits(cause, hypothesis):
         return True
-    return any(equal in hypothesis for equal in indistinguishable(problem.case, cause))
+    return any(equal in hypothesis for equal in structurally_indistinguishable(problem.case, cause))

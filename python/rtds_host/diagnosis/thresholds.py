@@ -49,6 +49,8 @@ QUARTER_OF_NORMAL, MEDIAN_OF_NORMAL, MEAN_OF_NORMAL = (
     NormalDist().inv_cdf(0.75),
     math.sqrt(2.0 / math.pi),
 )
+# Standard deviations to either side of 90 % of a normal (contract: 90 % intervals).
+Z90 = 1.6448536269514722
 # Numerical: correlation of what follows at all: most of it is explained.
 CORRELATED = math.sqrt(MAJORITY)
 # One sample that is so many standard deviations off is more than noise.

@@ -127,12 +127,12 @@ def check(corrected: Path, robot: Robot, model: Model, runs: Sequence[RunLog], a
     with temporary_folder() as folder:
         nominal = folder / "nominal.xml"
         nominal.write_text(mjcf.write(figures_of(plain, robot), "", actuator), encoding="utf-8")
-        for data in problem.whole_begun(start):
-            log, begun = data.log, data.inputs[-1]
+        for data in problem.whole_runs_starting(start):
+            log, initial = data.log, data.inputs[-1]
             bus = row_inputs(log, robot)[3] if robot.driver.bus == "measured" else None
             outs = {
-                "before": ExportedRobot(nominal).replay(log, begun, bus),
-                "after": ExportedRobot(corrected).replay(log, begun, bus),
+                "before": ExportedRobot(nominal).replay(log, initial, bus),
+                "after": ExportedRobot(corrected).replay(log, initial, bus),
                 "replay before": replay_run(plain, data.inputs, REPORT_STEP_S),
                 "replay after": replay_run(model, data.inputs, min(REPORT_STEP_S, model.step_s)),
             }

@@ -22,7 +22,7 @@ import numpy as np
 
 # laws: begin
 from rtds_host.export.mjcf_forms import Forms
-from rtds_host.plant.driver import clipped, duty, less_drop, servo
+from rtds_host.plant.driver import after_bridge_drop, clipped, duty, servo
 from rtds_host.plant.friction import by_load, rolling, stribeck
 
 # laws: end
@@ -106,7 +106,7 @@ class Driver:
             level = duty(asked[k], self.supply, curve[k], dead[k], 1.0)
             volts = (level + (more[k] / gain[k] if gain[k] else 0.0)) * self.bus / self.supply
             if drop[k] and gain[k]:
-                volts = less_drop(gain[k] * volts, emf[k] * speeds[k], drop[k]) / gain[k]
+                volts = after_bridge_drop(gain[k] * volts, emf[k] * speeds[k], drop[k]) / gain[k]
             data.ctrl[self.motors[k]] = volts
             by_speed = self.number("asymmetry_nm_s_per_rad")[k]
             if by_speed:

@@ -20,7 +20,7 @@ from rtds_host.contract import GRAVITY_M_S2, RunLog
 from rtds_host.correction.correction import LEAST_BASE_SHARE
 from rtds_host.errors import InputError, said_of_file
 from rtds_host.export.mjcf import driver_source, forms_source
-from rtds_host.plant.driver import duty, less_drop, servo
+from rtds_host.plant.driver import after_bridge_drop, duty, servo
 from rtds_host.plant.schema import OUTPUTS
 
 MOTORS = ("motor_left", "motor_right")
@@ -317,7 +317,7 @@ class ExportedRobot:
         # A driver's gain acts behind the command: resistance times the actuator's gain.
         gain = self.gains
         emf = self.number("back_emf_v_s_per_rad", 0.0) * speeds
-        reached = np.array([less_drop.py_func(gain[k] * volts[k], emf[k], drop[k]) for k in (0, 1)])
+        reached = np.array([after_bridge_drop.py_func(gain[k] * volts[k], emf[k], drop[k]) for k in (0, 1)])
         return np.where(gain == 0.0, volts, reached / np.where(gain == 0.0, 1.0, gain))
 
     def _held_currents(self, data: mujoco.MjData) -> np.ndarray:

@@ -14,7 +14,7 @@ from typing import Any
 from rtds_host.export import settled, standalone
 from rtds_host.export.figures import Figures
 from rtds_host.plant import forms
-from rtds_host.plant.driver import less_drop
+from rtds_host.plant.driver import after_bridge_drop
 from rtds_host.plant.friction import rolling
 from rtds_host.plant.torque import summed
 from rtds_host.plant.torques import TORQUES
@@ -23,7 +23,7 @@ PLACE = "PARAMETERS: dict = {}\n"
 # Where the template imports the plant's laws, the module has their source.
 LAWS = re.compile(r"# laws: begin\n.*# laws: end\n", re.DOTALL)
 # Laws that those of the template call.
-CALLED = (less_drop, forms.curve, forms.branch)
+CALLED = (after_bridge_drop, forms.curve, forms.branch)
 # Constants of `rtds_host.plant.forms` that its functions use.
 FORM_CONSTANTS = (
     *(

@@ -8,7 +8,7 @@ import numpy as np
 
 from rtds_host.contract import Robot
 from rtds_host.diagnosis.effects import CATALOGUE, catalogue
-from rtds_host.diagnosis.scatter import Z90
+from rtds_host.diagnosis.thresholds import Z90
 
 
 def draw(diagnosis: dict, robot: Robot, count: int, seed: int) -> tuple[list[dict], list[str]]:

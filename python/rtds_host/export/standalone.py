@@ -15,7 +15,7 @@ from collections import deque
 
 # laws: begin
 from rtds_host.export.settled import settled
-from rtds_host.plant.driver import behind_driver, clipped, draw, duty, servo
+from rtds_host.plant.driver import bus_current, clipped, duty, servo, winding_voltage
 from rtds_host.plant.elementary import exponential
 from rtds_host.plant.forms import (
     ABOUT,
@@ -203,7 +203,7 @@ class Robot:
         p, w = self.p, self.w
         asked = self._command()
         top = p["supply_v"]
-        drawn = sum(draw(self.i[k], clipped(asked[k], top), top) for k in (0, 1))
+        drawn = sum(bus_current(self.i[k], clipped(asked[k], top), top) for k in (0, 1))
         if self.forms:
             self._act([clipped(volts, top) for volts in asked], h)
         gear = [p["gear_nm_per_a"][k] * (1.0 + self.acts[k][CONSTANT]) for k in (0, 1)]
@@ -213,7 +213,7 @@ class Robot:
         volts, ohm, ke, fluid = [0.0, 0.0], [0.0, 0.0], p["back_emf_v_s_per_rad"], [0.0, 0.0]
         for k in (0, 1):
             level = (self._volts(asked[k], k) + self.acts[k][VOLTS]) * self.bus / top
-            volts[k] = behind_driver(level, ke[k] * w[k], p["limit_v"][k], p["drop_v"][k])
+            volts[k] = winding_voltage(level, ke[k] * w[k], p["limit_v"][k], p["drop_v"][k])
             ohm[k] = warm(p["resistance_ohm"][k], self.rise[k])
             fluid[k] = viscous(p["viscous_nm_s_per_rad"][k], p["asymmetry_nm_s_per_rad"][k], w[k])
             fluid[k] += self.acts[k][FLUID]

@@ -32,7 +32,7 @@ def duty(volts, supply, curve, deadzone, gain):
 
 
 @law
-def less_drop(volts, emf, drop):
+def after_bridge_drop(volts, emf, drop):
     """Voltage at a winding, V, behind a drop against its current: V - drop sgn(i) (contract, section 3).
 
     A drop above zero goes as far as stopping the current; one below zero has its size whatever the current. All in V.
@@ -43,9 +43,9 @@ def less_drop(volts, emf, drop):
 
 
 @law
-def behind_driver(volts, emf, limit, drop):
+def winding_voltage(volts, emf, limit, drop):
     """Voltage at a winding, V, of what a driver is asked for: within its limit, less its drop. All in V."""
-    return less_drop(clipped(volts, limit), emf, drop)
+    return after_bridge_drop(clipped(volts, limit), emf, drop)
 
 
 @law
@@ -64,25 +64,25 @@ def unloaded_bus(supply, decline, elapsed):
 
 
 @law
-def loaded_bus(supply, source, drawn, decline, elapsed):
-    """Bus at a current drawn, V: supply - source i - decline t (contract, section 3). source : ohm; drawn : A."""
-    return supply - source * drawn - decline * elapsed
+def loaded_bus(supply, source, current, decline, elapsed):
+    """Bus at a current drawn, V: supply - source i - decline t (contract, section 3). source : ohm; current : A."""
+    return supply - source * current - decline * elapsed
 
 
 @law
-def draw(current, volts, supply):
+def bus_current(current, volts, supply):
     """Current that a bridge draws from its bus, A: i v / supply (pulse-width modulation, contract, section 3)."""
     return current * volts / supply
 
 
 @law
-def sagging(supply, source, level, unloaded, drawn, lowers):
-    """Bus under load, V, by one step of Newton: bus = unloaded - source drawn(bus) (contract, section 3).
+def sagging(supply, source, level, unloaded, current, slope):
+    """Bus under load, V, by one step of Newton: bus = unloaded - source i(bus) (contract, section 3).
 
-    supply, unloaded : V; source : ohm; level : the bus before over the supply, 1; drawn : A at that bus; lowers : A/V
-    times V, by how much more is drawn at a higher level. A higher bus drives more current, which lowers it.
+    supply, unloaded : V; source : ohm; level : the bus before over the supply, 1; current : A at that bus; slope : A,
+    by how much it grows with the level. A higher bus drives more current, which lowers it.
     """
-    return level * supply + (unloaded - source * drawn - level * supply) / (1.0 + source * lowers / supply)
+    return level * supply + (unloaded - source * current - level * supply) / (1.0 + source * slope / supply)
 
 
 @law

@@ -51,7 +51,7 @@ def even_current(current, volts, emf, decay, rise_v, mean_v, mean_i):
 
 
 @law
-def more_current(mean_v, mean_i, rise_v, behind, asked, supply):
+def bus_current_slope(mean_v, mean_i, rise_v, behind, asked, supply):
     """By how much more is drawn from the bus at a higher level of it, A: see `driver.sagging`.
 
     behind, asked : V, behind the driver's curve and before it, at the nominal bus.

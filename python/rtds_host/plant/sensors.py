@@ -37,7 +37,7 @@ def behind(speed, reported, tau, delay):
 
 
 @law
-def begun(current, reported, noise, gain, bias):
+def initial_current(current, reported, noise, gain, bias):
     """A current at a start, A, of what its sensor reported: what gain and bias make that, none where that is noise.
 
     `current` where it reported nothing, NaN, or hardly reports at all (gain near 0).

@@ -14,9 +14,9 @@ from axis_machine import AXES, GEAR, MOTOR, write_axis_case
 from rtds_host.contract import read_case
 from rtds_host.diagnosis import diagnose as diagnose_module
 from rtds_host.diagnosis.diagnose import diagnose, investigate
-from rtds_host.diagnosis.indistinguishable import indistinguishable
 from rtds_host.diagnosis.predict import predicted_columns, read_diagnosis
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
+from rtds_host.diagnosis.structurally_indistinguishable import structurally_indistinguishable
 from rtds_host.errors import InputError
 from rtds_host.plant.schema import OUTPUT_INDEX
 
@@ -85,7 +85,7 @@ FRICTION = ("coulomb_friction", "left")
 def test_without_gravity_what_drives_cannot_be_told_from_what_is_driven(tmp_path, kind, mode, member, beside, expected):
     """m w' = g T - friction: with friction free, g and 1 / m make the same replays; the rotor's inertia adds to the
     load's, and is like what the load is like."""
-    assert indistinguishable(axis_case(tmp_path, kind, mode), member, (member, beside)) == expected
+    assert structurally_indistinguishable(axis_case(tmp_path, kind, mode), member, (member, beside)) == expected
 
 
 @pytest.mark.parametrize(

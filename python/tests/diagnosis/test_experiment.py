@@ -22,9 +22,9 @@ def problem():
 def asked(problem, place, alike=()):
     fit = SimpleNamespace(z=np.empty(0), precision=np.empty((0, 0)), parts={}, hypothesis=tuple(alike[:1]))
     fits = {(cause,): fit for cause in alike}
-    weighed = SimpleNamespace(indistinguishable=(alike,) if alike else (), fit=fit)
+    attribution = SimpleNamespace(indistinguishable=(alike,) if alike else (), fit=fit)
     diagnosis = {"verdict": "unknown", "gap": {"rest": {"subsystem": place}}}
-    return next_experiment(problem, SimpleNamespace(fits=fits), weighed, diagnosis)
+    return next_experiment(problem, SimpleNamespace(fits=fits), attribution, diagnosis)
 
 
 def by_speed(problem):

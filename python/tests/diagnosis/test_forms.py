@@ -10,8 +10,8 @@ from diagnosis_cases import make_case
 
 from rtds_host.contract import builtin_robot
 from rtds_host.correction.translate import translate
-from rtds_host.diagnosis.account import Account
-from rtds_host.diagnosis.diagnose import Investigation, setup_of, with_forms, without_given_way
+from rtds_host.diagnosis.attribution import Attribution
+from rtds_host.diagnosis.diagnose import Investigation, setup_of, with_forms, without_superseded
 from rtds_host.diagnosis.fit import Fit, Fitter
 from rtds_host.diagnosis.forms import Forms, approximate, forms_of
 from rtds_host.diagnosis.forms.curves import Form, points_of, put, shapes
@@ -181,11 +181,11 @@ def judged(gap, hypothesis):
 def test_a_name_in_whose_equation_a_curve_leaves_clearly_less_is_said_to_be_approximate(problem):
     form = Form("torque", "w", -9.0, 9.0, 0.01)
     named = (("coulomb_friction", "left"), ("command_delay", "both"))
-    found = SimpleNamespace(forms=[(form, "both")], judged=[judged(4.0, named), judged(2.0, named)], gave_way=[])
+    found = SimpleNamespace(forms=[(form, "both")], judged=[judged(4.0, named), judged(2.0, named)], superseded=[])
     (note,) = approximate(problem, found)
     assert note.startswith("Coulomb friction, left side is approximate")
     assert "torque over wheel speed" in note and "2 and not 4" in note
-    assert approximate(problem, SimpleNamespace(forms=[(form, "right")], judged=found.judged, gave_way=[])) == []
+    assert approximate(problem, SimpleNamespace(forms=[(form, "right")], judged=found.judged, superseded=[])) == []
 
 
 def test_what_is_written_with_a_form_is_what_was_fitted_along_with_it(problem):
@@ -236,10 +236,10 @@ def ripples(model) -> None:
     with_form(model, "torque", "th", 0.0, TURN, lambda x: 0.05 * np.sin(2.0 * x + 0.4))
 
 
-def test_a_name_that_does_not_help_next_to_a_curve_of_another_equation_gives_way_to_it():
+def test_a_name_that_does_not_help_next_to_a_curve_of_another_equation_is_superseded_by_it():
     _, found, cause = searched_with_friction(ripples)
     assert [(form.term, form.over) for form, _ in found.forms] == [("torque", "th")]
-    assert found.gave_way == [cause]
+    assert found.superseded == [cause]
     assert cause not in found.fit.hypothesis
 
 
@@ -250,7 +250,7 @@ def test_a_name_that_helps_next_to_a_curve_stays():
 
     _, found, cause = searched_with_friction(change)
     assert [(form.term, form.over) for form, _ in found.forms] == [("torque", "th")]
-    assert found.gave_way == []
+    assert found.superseded == []
     assert found.fit.values[found.fit.hypothesis.index(cause)]["torque_nm"] == pytest.approx(0.05, rel=0.1)
 
 
@@ -273,7 +273,7 @@ def test_a_name_that_makes_most_of_what_its_own_curve_makes_stays_as_an_approxim
     problem, found, _ = searched_with_friction(bent)
     (form, _), *_ = found.forms
     assert (form.term, form.over) == ("torque", "w")
-    assert found.gave_way == []
+    assert found.superseded == []
     assert any("approximate" in note for note in approximate(problem, found))
 
 
@@ -449,9 +449,9 @@ def test_what_gave_way_is_no_longer_named_and_the_gap_is_without_it():
     nothing, cause = search.begin(), ("coulomb_friction", "both")
     start = np.array([search.store.effects[cause[0]].parameters[0].scaled(0.05)])
     named = search.store.try_fit((cause,), start, nothing)
-    before = Account(named, nothing, (), {}, (), (((cause,), 1.0),))
+    before = Attribution(named, nothing, (), {}, (), (((cause,), 1.0),))
     found = Investigation(search.problem, search, before)
-    weighed, held, shapes = without_given_way(found, before, Forms(gave_way=(cause,)))
-    assert weighed.included == () and "gives way" in weighed.rejected[cause]
+    attribution, held, shapes = without_superseded(found, before, Forms(superseded=(cause,)))
+    assert attribution.included == () and "superseded" in attribution.rejected[cause]
     assert held.gap("after") == held.gap("refit") > 1.5 * search.store.gap(named)
-    assert shapes.gave_way == (cause,)
+    assert shapes.superseded == (cause,)

@@ -7,8 +7,8 @@ import pytest
 
 from rtds_host.contract import Case, Driver, RunLog, RunMeta, Servo, builtin_robot
 from rtds_host.diagnosis.effects import CATALOGUE, SIDES, catalogue
-from rtds_host.diagnosis.indistinguishable import indistinguishable, nearly_indistinguishable
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
+from rtds_host.diagnosis.structurally_indistinguishable import nearly_indistinguishable, structurally_indistinguishable
 from rtds_host.plant.schema import OUTPUT_INDEX
 
 TABLES = ("same_as", "same_with_friction", "nearly_as")
@@ -45,7 +45,7 @@ def test_a_scaled_command_is_a_scaled_speed_unless_wheels_and_motion_are_both_me
     case = speed_case(*channels)
     for one, other in (("command_gain", "speed_gain"), ("speed_gain", "command_gain")):
         assert ((other, "both") in nearly_indistinguishable(case, (one, "both"))) == alike
-        assert (other, "both") not in indistinguishable(case, (one, "both"))
+        assert (other, "both") not in structurally_indistinguishable(case, (one, "both"))
     voltage = replace(case, robot=builtin_robot("burger"))
     assert ("command_gain", "both") not in nearly_indistinguishable(voltage, ("speed_gain", "both"))
 

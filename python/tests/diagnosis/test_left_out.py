@@ -10,7 +10,7 @@ from diagnosis_cases import changed, make_case, make_run
 
 from rtds_host.contract import Case, builtin_robot
 from rtds_host.diagnosis import gap as gaps
-from rtds_host.diagnosis.account import account
+from rtds_host.diagnosis.attribution import attribute
 from rtds_host.diagnosis.evidence import enough_to_include
 from rtds_host.diagnosis.fit import Fit, joined, scaled
 from rtds_host.diagnosis.left_out import left_out_gap, parted
@@ -100,7 +100,7 @@ def test_what_one_run_alone_knows_of_and_fits_amiss_in_the_others_is_not_include
     search, fit = fitted(
         Case("one of four", robot, runs), {COULOMB: {"torque_nm": 0.04}, ("driver_gain", "both"): {"ratio": 0.9}}
     )
-    found = account(search, fit)
+    found = attribute(search, fit)
     assert [one.cause for one in found.included] == [COULOMB]
     assert "held-out runs" in found.rejected["driver_gain", "both"]
 
@@ -144,7 +144,7 @@ def test_samples_that_are_held_show_no_noise():
 def test_plain_squares_find_another_optimum_of_an_explanation_than_the_likelihood():
     """Two runs say one friction and a third another one: the likelihood lets the third go, plain squares do not."""
     search, fit = fitted(with_frictions(0.02, 0.02, 0.035), {COULOMB: {"torque_nm": 0.02}})
-    optima = search.store.optima([fit])[0]
+    optima = search.store.local_optima([fit])[0]
     plain = next(one for one in optima if one.noise.root is None)
     assert optima[0] is fit
     assert [one.hypothesis for one in optima] == [fit.hypothesis] * len(optima)

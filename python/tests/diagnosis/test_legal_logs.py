@@ -14,7 +14,6 @@ from rtds_host.diagnosis.diagnose import diagnose
 from rtds_host.diagnosis.evidence import gap_gain, likelihood_gain
 from rtds_host.diagnosis.gate import examine
 from rtds_host.diagnosis.gate.cuts import cut
-from rtds_host.diagnosis.indistinguishable import indistinguishable
 from rtds_host.diagnosis.left_out import parted
 from rtds_host.diagnosis.localise import localise
 from rtds_host.diagnosis.localise.series import relaxed
@@ -22,6 +21,7 @@ from rtds_host.diagnosis.problem import SEARCHED_S, Problem
 from rtds_host.diagnosis.replay.model import nominal_model, piece_inputs, replay_run, run_inputs, stretch_inputs
 from rtds_host.diagnosis.scatter import groups
 from rtds_host.diagnosis.settings import settings
+from rtds_host.diagnosis.structurally_indistinguishable import structurally_indistinguishable
 from rtds_host.errors import InputError
 from rtds_host.plant.schema import OUTPUT_INDEX, OUTPUTS
 
@@ -206,7 +206,7 @@ def test_a_wheel_that_is_braked_and_never_turns_back_moves_one_way():
     log = RunLog("run", RunMeta(), t, {"v_cmd_l": volts[:, 0], "v_cmd_r": volts[:, 1]})
     out = replay_run(nominal_model(ROBOT), run_inputs(log, ROBOT))
     log = replace(log, columns={**log.columns, **{c: out[:, OUTPUTS.index(c)] for c in ("w_l", "w_r", "i_l", "i_r")}})
-    assert ("friction_asymmetry", "both") in indistinguishable(
+    assert ("friction_asymmetry", "both") in structurally_indistinguishable(
         Case("case", ROBOT, (log,)), ("coulomb_friction", "both")
     )
 

@@ -567,7 +567,7 @@ def test_runs_replayed_one_after_another_leave_what_each_leaves_by_itself(tmp_pa
     problem = Problem(case, 3, pieces=pieces)
     model = problem.nominal.copy()
     model.put("coulomb", 0.01)
-    alone = [run_residual(data, replay_run(model, data.inputs)) for data in problem.begun(model.start)]
+    alone = [run_residual(data, replay_run(model, data.inputs)) for data in problem.runs_starting(model.start)]
     assert {CHANNELS[k] for k in problem.channels_of} >= {"v_bus", "w_l", "th_l"}
     np.testing.assert_allclose(problem.residual(model), np.concatenate(alone), rtol=1e-9, atol=1e-9)
 

@@ -9,23 +9,24 @@ from diagnosis_cases import changed, make_case, make_run, without
 
 from rtds_host.contract import Case, builtin_robot
 from rtds_host.diagnosis import ripple
-from rtds_host.diagnosis.account import account
+from rtds_host.diagnosis.attribution import attribute
 from rtds_host.diagnosis.diagnose import chosen_search, diagnose, said_of_end
 from rtds_host.diagnosis.effects import catalogue
 from rtds_host.diagnosis.evidence import CONVINCING, distinguishable, excess
 from rtds_host.diagnosis.fit import AT_ONCE, Fit, Proposal, joined, scaled, side_by_side, to_values
-from rtds_host.diagnosis.indistinguishable import indistinguishable, nearly_indistinguishable
-from rtds_host.diagnosis.intervals import Z90, bias, command_shift, intervals, sigmas_of
-from rtds_host.diagnosis.lookalikes import lookalikes, opens_gap, swaps_of
+from rtds_host.diagnosis.intervals import bias, command_shift, intervals, sigmas_of
+from rtds_host.diagnosis.practically_indistinguishable import opens_gap, practically_indistinguishable, substitutes_for
 from rtds_host.diagnosis.problem import SEARCHED_S, Problem
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.scatter import scatter, scattered
 from rtds_host.diagnosis.screen import Screen, changes_by_missing, sensitivities_of
 from rtds_host.diagnosis.search import driver
 from rtds_host.diagnosis.search.driver import Search
-from rtds_host.diagnosis.search.moves import exchanging, polishing, removing, renaming
+from rtds_host.diagnosis.search.moves import exchanging, refining, removing, renaming
 from rtds_host.diagnosis.search.store import FAR
 from rtds_host.diagnosis.start import DECLARED
+from rtds_host.diagnosis.structurally_indistinguishable import nearly_indistinguishable, structurally_indistinguishable
+from rtds_host.diagnosis.thresholds import Z90
 from rtds_host.plant.schema import OUTPUT_INDEX
 
 POSE = ("x", "y", "yaw")
@@ -107,7 +108,7 @@ def straight(case: Case) -> Case:
     ids=lambda v: v[0] if isinstance(v, tuple) else "",
 )
 def test_indistinguishable_effects_are_what_the_runs_lack_the_channels_or_motions_to_part(case, cause, expected):
-    assert indistinguishable(case, cause) == expected
+    assert structurally_indistinguishable(case, cause) == expected
 
 
 @pytest.mark.parametrize(
@@ -158,8 +159,8 @@ def test_a_run_whose_commands_act_later_than_the_others_does_not_bend_the_delay(
     before = problem.gap(model)
     start = problem.aligned_commands(model)
     assert dict(start.command_delays) == {"r1": pytest.approx(0.2, abs=0.01)}
-    assert problem.gap_as_fitted(model.begun(start)) < 0.5 * before
-    assert problem.gap_as_fitted(model) == problem.gap(model.begun(start)) == before
+    assert problem.gap_as_fitted(model.with_start(start)) < 0.5 * before
+    assert problem.gap_as_fitted(model) == problem.gap(model.with_start(start)) == before
     diagnosis, details = diagnose(delayed_case({"r1": 0.2}), quick=True)
     (delay,) = diagnosis["effects"]
     assert delay["id"] == "command_delay"
@@ -326,7 +327,7 @@ def test_a_soft_tyre_is_found_under_a_soft_gear():
     the rest.
     """
     search, fit = fitted(make_case(soft_tyre), (GEAR, {"stiffness_nm_per_rad": 16.5, "damping_nm_s_per_rad": 0.054}))
-    found = renaming.namesakes(search.store, fit, GEAR)[SLIP]
+    found = renaming.substitutes(search.store, fit, GEAR)[SLIP]
     assert search.store.score(found) < search.store.score(fit) - 2.0 * np.log(CONVINCING)
     assert found.values[0]["slip_per_newton"] == pytest.approx(0.005, rel=0.1)
     assert found.values[0]["softness_m_per_n"] == pytest.approx(6.6e-5, rel=0.05)
@@ -341,7 +342,7 @@ def test_a_soft_gear_is_found_under_a_soft_tyre():
         make_case(soft_gear),
         (SLIP, {"slip_per_newton": 0.005, "softness_m_per_n": 1.5e-4, "damping_n_s_per_m": 7.0, "grip": 4.0}),
     )
-    found = renaming.namesakes(search.store, fit, SLIP)[GEAR]
+    found = renaming.substitutes(search.store, fit, SLIP)[GEAR]
     assert search.store.score(found) < search.store.score(fit)
     assert found.values[0]["stiffness_nm_per_rad"] == pytest.approx(7.4, rel=0.02)
 
@@ -399,7 +400,7 @@ def test_free_play_is_found_from_the_wrong_valley(start):
         make_case(lambda m: m.put("backlash", 0.01, (0,))),
         (("backlash", "left"), {"angle_rad": start, "restitution": 0.0}),
     )
-    found = polishing.polished(search.store, fit, fit.hypothesis)
+    found = refining.refine_locally(search.store, fit, fit.hypothesis)
     assert found.values[0]["angle_rad"] == pytest.approx(0.01, rel=0.05)
 
 
@@ -443,15 +444,15 @@ def test_an_explanation_begun_twice_alike_is_fitted_once():
     search, fit = fitted(
         make_case(lambda m: m.put("command_delay", 0.0083)), (("command_delay", "both"), {"seconds": 0.0083})
     )
-    begun, fitting = [], search.store.fitter.fitting
-    search.store.fitter.fitting = lambda *given, **named: begun.append(given) or fitting(*given, **named)
+    started, fitting = [], search.store.fitter.fitting
+    search.store.fitter.fitting = lambda *given, **named: started.append(given) or fitting(*given, **named)
     start, other = (
         scaled(search.store.effects, fit.hypothesis, [{"seconds": seconds}]) for seconds in (0.0083, 0.0084)
     )
     assert search.store.try_fit(fit.hypothesis, start, search.store.fits[()]) is fit
-    assert not begun
+    assert not started
     search.store.try_fits([Proposal(fit.hypothesis, other, search.store.fits[()])] * 2)
-    assert len(begun) == 1
+    assert len(started) == 1
 
 
 def test_fits_go_side_by_side_as_they_go_alone():
@@ -516,9 +517,9 @@ def test_a_restart_that_is_far_behind_in_a_rough_fit_is_left(monkeypatch, behind
     store, tried = search.store, []
     monkeypatch.setattr(store, "within_noise", lambda fit: False)
     monkeypatch.setattr(store, "reached", lambda proposals, rough: [store.score(fit) + FAR + behind])
-    monkeypatch.setattr(polishing, "lower", lambda store, fit, cause: [])
+    monkeypatch.setattr(refining, "lower", lambda store, fit, cause: [])
     monkeypatch.setattr(store, "try_fits", lambda proposals: [tried.append(one) or fit for one in proposals])
-    polishing.polished(search.store, fit, [cause])
+    refining.refine_locally(search.store, fit, [cause])
     assert len(tried) == (len(search.store.effects[cause[0]].restarts) if earnest else 0)
 
 
@@ -635,9 +636,9 @@ def test_a_gyro_that_is_upside_down_has_no_lookalike_of_a_negative_width():
     case = without(make_case(lambda m: m.scale("gyro_gain", -1.0)), *POSE)
     upside, slower = (("gyro_gain", "both"), {"ratio": -1.0}), (("gyro_gain", "both"), {"ratio": 0.8})
     search, fit = fitted(case, upside)
-    assert lookalikes(search, fit, [(upside[0], search.store.fits[()])])[0] == ()
+    assert practically_indistinguishable(search, fit, [(upside[0], search.store.fits[()])])[0] == ()
     search, fit = fitted(without(make_case(lambda m: m.scale("gyro_gain", 0.8)), *POSE), slower)
-    ((first, *others),) = lookalikes(search, fit, [(slower[0], search.store.fits[()])])[0]
+    ((first, *others),) = practically_indistinguishable(search, fit, [(slower[0], search.store.fits[()])])[0]
     assert first == slower[0] and ("track_width_error", "both") in others
 
 
@@ -646,7 +647,7 @@ def test_of_a_base_in_speed_mode_counts_and_radius_are_each_tried_at_the_inverse
     """Twice the counts halve the way of a base whose loop holds the speed that it counts; no slope leads from one to
     the other."""
     search, fit = fitted(make_case(), (("wheel_radius_error", "both"), {"ratio": ratio}))
-    start = renaming.likened(search.store, fit, ("wheel_radius_error", "both"))["speed_gain", "both"]
+    start = renaming.approximated_by(search.store, fit, ("wheel_radius_error", "both"))["speed_gain", "both"]
     ((value,),) = [v.values() for v in to_values(search.store.effects, (("speed_gain", "both"),), start)]
     assert value == pytest.approx(1.0 / fit.values[0]["ratio"])
 
@@ -657,7 +658,7 @@ def test_the_other_delay_is_tried_in_a_delay_s_place_at_its_size():
     """
     delay, other = ("command_delay", "both"), ("measurement_delay", "both")
     search, fit = fitted(make_case(lambda m: m.put("command_delay", 0.0083)), (delay, {"seconds": 0.0083}))
-    swapped = swaps_of(search, fit, delay, removing.without(search.store, fit, delay)[0])[other]
+    swapped = substitutes_for(search, fit, delay, removing.without(search.store, fit, delay)[0])[other]
     assert swapped.hypothesis == (other,) and swapped.values[0]["seconds"] == pytest.approx(0.0083, rel=0.1)
 
 
@@ -668,9 +669,9 @@ def test_what_the_search_met_is_weighed_in_an_effects_place():
         make_case(lambda m: m.scale("voltage_gain", 0.95)), (gain, {"ratio": 0.95}), (beside, {"torque_nm": 0.001})
     )
     (alone,) = removing.without(search.store, fit, gain)
-    assert other not in swaps_of(search, fit, gain, alone)
+    assert other not in substitutes_for(search, fit, gain, alone)
     met = search.store.try_fit(*joined({other: np.zeros(1), beside: fit.parts[beside]}), fit, rough=True)
-    assert swaps_of(search, fit, gain, alone)[other] is met
+    assert substitutes_for(search, fit, gain, alone)[other] is met
 
 
 def test_the_next_effect_is_one_that_every_run_asks_for():
@@ -712,7 +713,7 @@ def test_an_account_says_what_stands_in_its_plainer_form():
     """Coulomb friction, found with an extra at low speed that is not there."""
     stribeck = ("stribeck_friction", "both"), {"torque_nm": 0.03, "extra_torque_nm": 0.002, "speed_rad_s": 1.0}
     search, fit = fitted(make_case(lambda m: m.add("coulomb", 0.03)), stribeck)
-    assert [one.cause for one in account(search, fit).included] == [("coulomb_friction", "both")]
+    assert [one.cause for one in attribute(search, fit).included] == [("coulomb_friction", "both")]
 
 
 def test_signatures_that_are_one_and_large_promise_no_pair():
@@ -847,7 +848,7 @@ def test_a_search_ends_with_what_its_work_has_found(monkeypatch, share):
 
 def test_an_account_that_has_done_as_much_again_looks_for_no_look_alike_that_was_not_met(monkeypatch):
     """What is alike in principle is declared all the same; a search that did not end early is said to have, since its
-    account did.
+    attribution did.
     """
     screened, rivals = [], exchanging.rivals
     monkeypatch.setattr(exchanging, "rivals", lambda *given: screened.append(given[1]) or rivals(*given))
@@ -859,9 +860,9 @@ def test_an_account_that_has_done_as_much_again_looks_for_no_look_alike_that_was
         assert not search.limits.ended
         monkeypatch.setattr(search.limits, "account_until", share * search.problem.work)
         screened.clear()
-        alike, _ = lookalikes(search, fit, [(found, search.store.fits[()])])
+        alike, _ = practically_indistinguishable(search, fit, [(found, search.store.fits[()])])
         assert bool(screened) is not ended and search.limits.ended is ended
-        assert alike[0] == (found, indistinguishable(late, found)[0])
+        assert alike[0] == (found, structurally_indistinguishable(late, found)[0])
 
 
 def test_work_is_the_same_on_any_number_of_cores():
@@ -891,7 +892,7 @@ def test_where_runs_began_elsewhere_the_effect_that_led_there_is_weighed_against
     weak = make_case(lambda m: (m.scale("voltage_gain", 0.9, (0,)), m.scale("gyro_gain", 1.1)))
     search = Search(Problem(weak), quick=True)
     gyro, driver = ("gyro_gain", "both"), ("driver_gain", "left")
-    nothing = search.store.fits[()] = search.store.refitted()
+    nothing = search.store.fits[()] = search.store.nuisances_only()
     promised = iter([gyro, driver])
     aligned = iter([moved])
 
@@ -901,10 +902,10 @@ def test_where_runs_began_elsewhere_the_effect_that_led_there_is_weighed_against
 
     monkeypatch.setattr(search, "extend", extend)
 
-    def begun(model):
+    def started(model):
         angle = next(aligned, 0.0)
         return model.start.with_headings({"no run": angle}) if angle else model.start
 
-    monkeypatch.setattr(search.problem, "aligned", begun)
+    monkeypatch.setattr(search.problem, "aligned", started)
     found = search.select_forward(nothing)
     assert found.hypothesis == ((driver,) if moved else (gyro,))

@@ -37,7 +37,7 @@ def test_a_fit_replays_as_it_was_fitted_whatever_is_estimated_afterwards(store, 
 
 def test_models_that_begin_differently_are_replayed_together_as_alone(store):
     problem = store.problem
-    models = [problem.nominal, *(problem.nominal.begun(start) for start in STARTS.values()), problem.nominal]
+    models = [problem.nominal, *(problem.nominal.with_start(start) for start in STARTS.values()), problem.nominal]
     together = problem.residuals(models)
     for model, residual in zip(models, together, strict=True):
         assert np.array_equal(residual, problem.residual(model))
@@ -52,4 +52,4 @@ def test_an_estimate_of_a_start_changes_nothing_but_what_it_returns(store):
     start = problem.aligned(model)
     assert dict(start.headings).keys() == {"steps"} and model.start == DECLARED
     assert np.array_equal(problem.residual(model), before)
-    assert float(np.sum(problem.residual(model.begun(start)) ** 2)) < float(np.sum(before**2))
+    assert float(np.sum(problem.residual(model.with_start(start)) ** 2)) < float(np.sum(before**2))

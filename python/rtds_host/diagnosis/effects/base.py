@@ -109,7 +109,7 @@ def inside(value: float, low: float, high: float) -> float | None:
 
 
 # Parameters of another effect from one's own, `existing` those that it has already; None where there are no such.
-Likeness = Callable[..., dict[str, float] | None]
+Conversion = Callable[..., dict[str, float] | None]
 # Whether the runs of a case lack what would distinguish two effects, see `rtds_host.diagnosis.conditions`.
 Condition = Callable[[Case], bool]
 
@@ -137,8 +137,8 @@ class Effect:
     misfit has more than one minimum. `form`: what share of its size formulations of it differ by, one sigma: next to
     nothing where a definition or a law stands behind it, more where a model of friction or contact does. `former`:
     parameters that earlier diagnoses hold, and the two whose quotient each was: the present one's name, and the one it
-    was divided by. `likened`: other effects that do most of what it does, and with which parameters, where no screening
-    says so: a spring in front of the wheel, and one behind it.
+    was divided by. `approximated_by`: other effects that do most of what it does, and with which parameters,
+    where no screening shows it: a spring in front of the wheel, and one behind it.
     `resembles`: forms that it may be behind, as (term, quantity it runs over).
     `same_as`: effects that make the same replays on runs that meet a condition; only one of them is ever in an
     explanation. `same_with_friction`: likewise where the explanation has `friction`, dry or viscous, that no data sheet
@@ -178,7 +178,7 @@ class Effect:
     restarts: tuple[Mapping[str, float], ...] = ()
     form: float = 0.001
     former: Mapping[str, tuple[str, str]] = field(default_factory=dict)
-    likened: Mapping[str, Likeness] = field(default_factory=dict)
+    approximated_by: Mapping[str, Conversion] = field(default_factory=dict)
     same_as: Mapping[str, Condition] = field(default_factory=dict)
     same_with_friction: Mapping[str, Condition] = field(default_factory=dict)
     nearly_as: Mapping[str, Condition] = field(default_factory=dict)
@@ -195,7 +195,7 @@ class Effect:
         return replace(
             self,
             parameters=tuple(p.on(scales) for p in self.parameters),
-            likened={other: partial(like, scales=scales) for other, like in self.likened.items()},
+            approximated_by={other: partial(like, scales=scales) for other, like in self.approximated_by.items()},
             restarts=tuple({name: units[name] * value for name, value in start.items()} for start in self.restarts),
         )
 

@@ -58,7 +58,7 @@ EFFECT = Effect(
     advice="Stiffen the coupling, or filter the command above its resonance.",
     nonlinear=True,
     rough=True,
-    likened={"longitudinal_slip": _soft_tyre},
+    approximated_by={"longitudinal_slip": _soft_tyre},
     # Hooke's law, but not of the gear alone: a tyre, a shaft and a wheel of a hundred times its stiffness give in a row
     # with it.
     form=0.01,

@@ -110,7 +110,7 @@ EFFECT = Effect(
         {"slip_per_newton": 0.025, "softness_m_per_n": 0.01, "damping_n_s_per_m": 2.4, "grip": 1.5},
     ),
     form=0.05,
-    likened={"gear_compliance": _soft_gear},
+    approximated_by={"gear_compliance": _soft_gear},
     # The length of rolling over which traction builds up: no fit found its way along its product with the slip, which
     # is what runs show.
     former={"relaxation_m": ("softness_m_per_n", "slip_per_newton")},

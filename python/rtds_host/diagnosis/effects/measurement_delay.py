@@ -44,7 +44,7 @@ EFFECT = Effect(
     advice="Stamp the samples at the sensor, or shift them by the delay.",
     runs_in="signal",
     form=0.005,
-    likened={"speed_filter": _speed_delayed},
+    approximated_by={"speed_filter": _speed_delayed},
     # No whole number of the log's rows: where a late command and a sample meet, rounding decides which comes first.
     compared_at={"seconds": 0.0127},
     same_as={"command_delay": no_pose},

@@ -41,7 +41,7 @@ EFFECT = Effect(
     same_as={"driver_gain": speed_alone},
     same_with_friction={"payload_error": torque_drives, "driver_gain": torque_drives},
     nearly_as={"command_gain": loop_on_wheels, "wheel_radius_error": loop_beyond_wheels},
-    likened={"wheel_radius_error": _other_radius},
+    approximated_by={"wheel_radius_error": _other_radius},
     exports=reading("speed_gain"),
     exports_behind_servo={
         "urdf": as_number("the loop's gains have it, and the speeds asked for take the scale in the comment"),

@@ -47,7 +47,7 @@ EFFECT = Effect(
     axis=False,
     same_as={"track_width_error": no_place, "gyro_gain": turns_without_pose},
     nearly_as={"payload_error": straight_without_place, "speed_gain": loop_beyond_wheels},
-    likened={"speed_gain": _other_counts},
+    approximated_by={"speed_gain": _other_counts},
     exports=row(
         own("geom size, wheels' pos"),
         own("collision sphere, joint origin"),

@@ -26,14 +26,14 @@ from rtds_host.plant import forms as plant
 class Forms:
     """Forms of a case as a diagnosis has them: `entries`; `gap` on runs left out with them, None without any; `left`:
     the gap before the first and behind each, at the search's steps; `notes`; `fit`: effects, tolerances and forms as
-    they were fitted together, None without any form; `gave_way`: named effects that the forms do without."""
+    they were fitted together, None without any form; `superseded`: named effects that the forms supersede."""
 
     entries: list[dict] = field(default_factory=list)
     gap: float | None = None
     left: list[float] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     fit: Fit | None = None
-    gave_way: tuple[Cause, ...] = ()
+    superseded: tuple[Cause, ...] = ()
 
     def shared(self, rows: list[dict], after: float) -> list[dict]:
         """The contract's `budget` with forms: what they close is taken off what was left without a name."""
@@ -64,7 +64,7 @@ def forms_of(
     Parameters
     ----------
     fit : the explanation that a diagnosis names; after : its gap on runs left out, as reported; lacking : the
-        explanation without each effect that may give way to a form.
+        explanation without each effect that a form may supersede.
     """
     found = searched(problem, fit, quick, lacking)
     if not found.forms:
@@ -72,10 +72,10 @@ def forms_of(
     gap = reported_gap(problem, found.fit)
     if gap >= after:
         return Forms(notes=found.notes)
-    notes = [*found.notes, *_said_to_give_way(problem, found)]
-    if found.gave_way:
+    notes = [*found.notes, *_superseded_notes(problem, found)]
+    if found.superseded:
         # What curves close is a share of what the names that are left leave.
-        kept = {cause: u for cause, u in fit.parts.items() if cause not in found.gave_way}
+        kept = {cause: u for cause, u in fit.parts.items() if cause not in found.superseded}
         bare = Fitter(problem, fit.start).fit(*joined(kept), fit.z, fit.noise, STEPS)
         found.judged[0] = HeldOutScore.of(problem, bare)
     entries = [
@@ -83,16 +83,16 @@ def forms_of(
         for (form, side), share in zip(found.forms, closes(found), strict=True)
     ]
     left = [judged.gap for judged in found.judged]
-    return Forms(entries, gap, left, notes + approximate(problem, found), found.fit, tuple(found.gave_way))
+    return Forms(entries, gap, left, notes + approximate(problem, found), found.fit, tuple(found.superseded))
 
 
-def _said_to_give_way(problem: Problem, found: Found) -> list[str]:
-    """What is said of named effects that curves do without."""
+def _superseded_notes(problem: Problem, found: Found) -> list[str]:
+    """Notes on named effects that curves supersede."""
     curves = " and ".join(f"{TERM_WORDS[form.term]} over {OVER_WORDS[form.over]}" for form, _ in found.forms)
     return [
-        f"{_name(problem, cause)} gives way to a free curve, {curves}: with the curve and without this effect the gap "
-        f"on held-out runs is {found.judged[-1].gap:.3g}, with the effect alone {found.judged[0].gap:.3g}"
-        for cause in found.gave_way
+        f"{_name(problem, cause)} is superseded by a free curve, {curves}: with the curve and without this effect the "
+        f"gap on held-out runs is {found.judged[-1].gap:.3g}, with the effect alone {found.judged[0].gap:.3g}"
+        for cause in found.superseded
     ]
 
 
@@ -106,7 +106,7 @@ def approximate(problem: Problem, found: Found) -> list[str]:
     said = []
     for (form, side), before, after in zip(found.forms, found.judged, found.judged[1:]):
         for name, own in before.fit.hypothesis:
-            if (name, own) in found.gave_way:
+            if (name, own) in found.superseded:
                 continue
             resembles = CATALOGUE[name].resembles if name in CATALOGUE else ()
             if (form.term, form.over) in resembles and set(SIDES[own]) & set(SIDES[side]):
@@ -124,7 +124,7 @@ def reported_gap(problem: Problem, fit: Fit) -> float:
     models = iter(left_out(problem, fit, [rows for mine in parts for *_, rows in mine]))
     step = min(REPORT_STEP_S, fit.model(problem).step_s)
     squares = []
-    for data, mine in zip(problem.whole_begun(fit.start), parts, strict=True):
+    for data, mine in zip(problem.whole_runs_starting(fit.start), parts, strict=True):
         for first, last, _ in mine:
             out = replay_run(next(models), data.inputs, step)[first:last]
             errors = gaps.errors(data.log.rows(first, last), problem.robot, out)

@@ -8,13 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from rtds_host.diagnosis.forms.curves import Form, shapes
-from rtds_host.diagnosis.thresholds import MINOR_SHARE
+from rtds_host.diagnosis.thresholds import MINOR_SHARE, Z90
 from rtds_host.plant import forms as plant
 
 # What a formula must close of what the curve closes: all but a slight part.
 ENOUGH = 1.0 - MINOR_SHARE
-# Standard errors to either side of 90 % of a normal (contract: 90 % intervals).
-NORMAL_90 = 1.645
 # Numerical: sizes from which a bend of a formula is fitted, in shares of the range, and powers of it.
 SCALES, POWERS = (0.1, 0.25, 0.5, 1.0), (0.5, 2.0, 3.0)
 
@@ -173,7 +171,7 @@ class Formula:
         """The parameters as a diagnosis has them; an interval is null where the runs do not pin it."""
         found = {}
         for name, value, error in zip(self.law.names, self.values, self.errors, strict=True):
-            reach = NORMAL_90 * error
+            reach = Z90 * error
             pinned = np.isfinite(error) and reach < abs(value)
             found[name] = {
                 "value": _round(value),
@@ -201,7 +199,7 @@ def fitted(law: Law, form: Form, values: np.ndarray, covariance: np.ndarray) -> 
     best = None
     for start in law.starts:
         with np.errstate(all="ignore"):
-            first = _begun(law, metric, x, values, units, start)
+            first = _first_guess(law, metric, x, values, units, start)
             found = least_squares(
                 lambda p: np.nan_to_num(metric @ (law.of(x, *(p * units)) - values), nan=1e9, posinf=1e9, neginf=-1e9),
                 first,
@@ -220,7 +218,7 @@ def fitted(law: Law, form: Form, values: np.ndarray, covariance: np.ndarray) -> 
     return Formula(law, best.x * units, errors, law.of(x, *(best.x * units)))
 
 
-def _begun(
+def _first_guess(
     law: Law, metric: np.ndarray, x: np.ndarray, values: np.ndarray, units: list[float], start: tuple[float, ...]
 ) -> np.ndarray:
     """Parameters to start a fit from, in their units: those that enter bent as given, the others, which enter straight,

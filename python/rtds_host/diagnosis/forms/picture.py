@@ -15,8 +15,8 @@ import typer
 
 from rtds_host.contract import check_writable_file
 from rtds_host.contract.runlog import read_json
-from rtds_host.diagnosis.intervals import Z90
 from rtds_host.diagnosis.report.words import OVER_WORDS, TERM_WORDS, form_name
+from rtds_host.diagnosis.thresholds import Z90
 from rtds_host.errors import InputError, RtdsError
 
 CURVE = "#1f5fa8"

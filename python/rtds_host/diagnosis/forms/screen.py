@@ -54,19 +54,19 @@ def columns(problem: Problem, fit: Fit, form: Form, side: tuple[int, ...], base:
     base : (N,) residuals of the fit at the same steps.
     """
     effect, models = form.effect(), []
-    begun = fit.model(problem)
+    unchanged = fit.model(problem)
     for p in effect.parameters:
-        moved = begun.copy()
+        moved = unchanged.copy()
         effect.apply(moved, side, {q.name: STEP * q.prior_width if q is p else 0.0 for q in effect.parameters})
         models.append(moved)
-    found = problem.residuals(models, [begun.coarse_s] * len(models))
+    found = problem.residuals(models, [unchanged.coarse_s] * len(models))
     return np.stack([(one - base) / STEP for one in found], axis=1).astype(np.float32)
 
 
 def slopes(problem: Problem, fit: Fit, forms: list[Form]) -> list[Slopes]:
     """Derivatives by all forms about a fit."""
-    begun = fit.model(problem)
-    (base,) = problem.residuals([begun], [begun.coarse_s])
+    unchanged = fit.model(problem)
+    (base,) = problem.residuals([unchanged], [unchanged.coarse_s])
     found = []
     for form in forms:
         each = [(k,) for k in range(len(problem.robot.sides))] if form.effect().sided else [(0, 1)]

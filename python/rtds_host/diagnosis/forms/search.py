@@ -41,12 +41,12 @@ MOST_WORK = {True: 1.7e9, False: 1e10}
 @dataclass
 class Found:
     """Forms of a case, in the order in which they were found: `judged` holds the explanation without any and with one
-    after the other. `notes`: what else is to be said; `gave_way`: named effects that curves do without."""
+    after the other. `notes`: what else is to be said; `superseded`: named effects that curves supersede."""
 
     judged: list[HeldOutScore]
     forms: list[tuple[Form, str]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
-    gave_way: list[Cause] = field(default_factory=list)
+    superseded: list[Cause] = field(default_factory=list)
 
     @property
     def fit(self) -> Fit:
@@ -60,7 +60,7 @@ def searched(problem: Problem, fit: Fit, quick: bool, lacking: Mapping[Cause, Fi
     Parameters
     ----------
     lacking : the explanation without each of its effects, the others fitted again: a form may do in such a place, and
-        the effect gives way to it. Effects that are not in here do not.
+        it supersedes the effect. Effects that are not in here do not.
     """
     began = problem.work
     found = Found([HeldOutScore.of(problem, fit)])
@@ -77,7 +77,7 @@ def searched(problem: Problem, fit: Fit, quick: bool, lacking: Mapping[Cause, Fi
         found.forms.append((promise.form, promise.side))
         found.judged.append(judged)
     if found.forms and lacking:
-        give_way(problem, found, lacking)
+        drop_superseded(problem, found, lacking)
     if found.forms:
         keep_sizes(problem, found)
     return found
@@ -86,7 +86,7 @@ def searched(problem: Problem, fit: Fit, quick: bool, lacking: Mapping[Cause, Fi
 def keep_sizes(problem: Problem, found: Found) -> None:
     """Give effects whose larger part the curves can make the sizes that they have without any: how much of the sum is
     the effect's no run says, and a curve is what names leave. Curves that held-out runs no longer support then are no
-    forms, and no name gives way to them."""
+    forms, and they supersede no name."""
     before, now = found.judged[0].fit, found.fit
     parts, held = now.parts, []
     for cause in before.hypothesis:
@@ -112,7 +112,7 @@ def keep_sizes(problem: Problem, found: Found) -> None:
     if pooled(kept, found.judged[0]) <= MAX_RESIDUAL_RATIO:
         found.judged[-1] = kept
     else:
-        del found.judged[1:], found.forms[:], found.gave_way[:]
+        del found.judged[1:], found.forms[:], found.superseded[:]
 
 
 def _next(
@@ -214,7 +214,7 @@ def _fitted(problem: Problem, fit: Fit, known: Mapping[str, Effect], one: Promis
     return fitter.fit(fit.hypothesis, fit.u, fit.z, fit.noise, STEPS, by_nuisance=fit.by_nuisance)
 
 
-def give_way(problem: Problem, found: Found, lacking: Mapping[Cause, Fit]) -> None:
+def drop_superseded(problem: Problem, found: Found, lacking: Mapping[Cause, Fit]) -> None:
     """Take back named effects that help no more once the curves are there, the most needless one first.
 
     A curve may be what another equation's effect stood in for. What the curve holds itself, as a torque over the speed
@@ -244,7 +244,7 @@ def give_way(problem: Problem, found: Found, lacking: Mapping[Cause, Fit]) -> No
         if not needless:
             break
         found.judged[-1] = min(needless, key=lambda one: one[0])[2]
-    found.gave_way = [cause for cause in named if cause not in found.fit.hypothesis]
+    found.superseded = [cause for cause in named if cause not in found.fit.hypothesis]
 
 
 def without(problem: Problem, fit: Fit, cause: Cause) -> Fit:

@@ -151,7 +151,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
         w[k] = start[5 + k] / side[k, W_GAIN]
         wm[k] = w[k]
         wf[k] = sensors.behind(w[k], start[9 + k] / side[k, W_GAIN], side[k, W_TAU], side[k, W_DELAY])
-        cur[k] = sensors.begun(start[7 + k], start[11 + k], start[13 + k], side[k, I_GAIN], side[k, I_BIAS])
+        cur[k] = sensors.initial_current(start[7 + k], start[11 + k], start[13 + k], side[k, I_GAIN], side[k, I_BIAS])
         if side[k, STIFF] > 0.0:
             contact[k] = gear.SPRING
             flexible = True
@@ -246,13 +246,13 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
             out[kp, 10] = yaw
             kp += 1
         while ka < n and t[ka] - dm <= now + 1e-9:
-            draw = 0.0
+            current = 0.0
             for k in range(sides):
-                draw += driver.draw(cur[k], va[k], supply)
+                current += driver.bus_current(cur[k], va[k], supply)
             if com[BUS_MEAS] > 0.0:
                 bus = row_bus
             else:
-                bus = driver.loaded_bus(supply, com[SOURCE_R], draw, com[DECLINE], now - run[3])
+                bus = driver.loaded_bus(supply, com[SOURCE_R], current, com[DECLINE], now - run[3])
             out[ka, 0] = bus
             for k in range(2):
                 out[ka, 1 + k] = sensors.scaled(cur[k], side[k, I_GAIN], side[k, I_BIAS])
@@ -384,7 +384,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                         )
                     if com[SOURCE_R] != 0.0:
                         # What the current comes to at the bus before and an even speed.
-                        volts = driver.behind_driver(ve[k] * level, ke * wm[k], side[k, LIMIT], side[k, DROP])
+                        volts = driver.winding_voltage(ve[k] * level, ke * wm[k], side[k, LIMIT], side[k, DROP])
                         im[k] = motor.even_current(cur[k], volts, ke * wm[k], decay[k], rise_v[k], mean_v[k], mean_i[k])
             if axis == 2:
                 weight = ground.pendulum(swung, com[AX_ARM], th[0] + 0.5 * h * wn[0] - com[AX_ZERO], math.sin)
@@ -396,11 +396,11 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                     bus = driver.unloaded_bus(supply, com[DECLINE], elapsed + 0.5 * h)
                     if com[SOURCE_R] != 0.0:
                         # Newton's step: a higher bus drives more current, which lowers it.
-                        draw, lowers = 0.0, 0.0
+                        current, lowers = 0.0, 0.0
                         for k in range(sides):
-                            draw += driver.draw(im[k], va[k], supply)
-                            lowers += motor.more_current(mean_v[k], mean_i[k], rise_v[k], ve[k], va[k], supply)
-                        bus = driver.sagging(supply, com[SOURCE_R], level, bus, draw, lowers)
+                            current += driver.bus_current(im[k], va[k], supply)
+                            lowers += motor.bus_current_slope(mean_v[k], mean_i[k], rise_v[k], ve[k], va[k], supply)
+                        bus = driver.sagging(supply, com[SOURCE_R], level, bus, current, lowers)
                 level = bus / supply
                 for k in range(sides):
                     if mode == 1:
@@ -409,7 +409,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                         c0[k], c1[k], m0[k], m1[k] = 0.0, 0.0, 0.0, 0.0
                     else:
                         ke = side[k, KB] * ratio
-                        volts = driver.behind_driver(ve[k] * level, ke * wmn[k], side[k, LIMIT], side[k, DROP])
+                        volts = driver.winding_voltage(ve[k] * level, ke * wmn[k], side[k, LIMIT], side[k, DROP])
                         c0[k], m0[k] = motor.armature(
                             cur[k], volts, ke, wmn[k], decay[k], rise_v[k], mean_v[k], mean_i[k], c1[k]
                         )

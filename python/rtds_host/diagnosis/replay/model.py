@@ -57,9 +57,9 @@ class Model:
 
     def copy(self) -> Model:
         """An independent copy."""
-        return self.begun(self.start)
+        return self.with_start(self.start)
 
-    def begun(self, start: Start) -> Model:
+    def with_start(self, start: Start) -> Model:
         """An independent copy whose runs begin otherwise."""
         return Model(self.side.copy(), self.common.copy(), self.forms.copy(), start)
 
@@ -467,5 +467,5 @@ class ReplayBatch:
     def _put_on_clocks(self, model: Model, first: int, last: int, out: np.ndarray) -> None:
         if any(model.get(quantity) for quantity in CLOCKS):
             rows = self.rows[first : last + 1]
-            for begun, ended in zip(rows, rows[1:]):
-                _on_clocks(model, self.t[begun:ended], out[begun - rows[0] : ended - rows[0]])
+            for first, last in zip(rows, rows[1:]):
+                _on_clocks(model, self.t[first:last], out[first - rows[0] : last - rows[0]])

@@ -92,7 +92,9 @@ def _begin(s, l, side, com, run, start):
         s[o + WF] = sensors.behind(
             s[o + W], start[9 + k] / side[k, one.W_GAIN], side[k, one.W_TAU], side[k, one.W_DELAY]
         )
-        s[o + CUR] = sensors.begun(start[7 + k], start[11 + k], start[13 + k], side[k, one.I_GAIN], side[k, one.I_BIAS])
+        s[o + CUR] = sensors.initial_current(
+            start[7 + k], start[11 + k], start[13 + k], side[k, one.I_GAIN], side[k, one.I_BIAS]
+        )
         s[o + CONTACT] = _SPRING if side[k, one.STIFF] > 0.0 else (_FREE if side[k, one.BACKLASH] > 0.0 else _RIGID)
         s[o + PLAY] = s[o + APART] = s[o + BOUNCES] = s[o + FADE] = 0.0
         s[o + RISE] = s[o + VA] = s[o + VD] = s[o + STICK] = s[o + SHAPED] = s[o + EXTRA] = 0.0
@@ -207,9 +209,9 @@ def _held_back(s, l, f0, f1, b0, b1, a00, a11, wx):
 
 
 @law
-def _more_current(s, o, supply):
-    """`motor.more_current` of a lane's side."""
-    return motor.more_current(s[o + MEAN_V], s[o + MEAN_I], s[o + RISE_V], s[o + VD], s[o + VA], supply)
+def _bus_current_slope(s, o, supply):
+    """`motor.bus_current_slope` of a lane's side."""
+    return motor.bus_current_slope(s[o + MEAN_V], s[o + MEAN_I], s[o + RISE_V], s[o + VD], s[o + VA], supply)
 
 
 @law
@@ -274,12 +276,12 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
     about, acts = np.zeros(forms.ABOUT), np.zeros(forms.ACTS)
     given = 0
     running = 0
-    scrubbed = pulled = shaped = heated = faded = filtered = slipping = drawn = flexible = formed = False
+    scrubbed = pulled = shaped = heated = faded = filtered = slipping = iterated = flexible = formed = False
     # Free play asks for short steps between its flanks: whether a lane has any, the longest step then and now, and
     # whether its flanks part in this span; whether a step is taken once more, and what it began with.
     plays, fine, limit = np.zeros(SIMD_WIDTH, np.bool_), np.zeros(SIMD_WIDTH), np.zeros(SIMD_WIDTH)
     parts, redone = np.zeros(SIMD_WIDTH, np.bool_), np.zeros(SIMD_WIDTH, np.bool_)
-    as_begun = np.zeros((SIMD_WIDTH, 21))
+    initial_state = np.zeros((SIMD_WIDTH, 21))
     while True:
         # Whether what hangs on a step's length and a winding's warmth is to be found again.
         renewed = heated
@@ -329,7 +331,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                     curved[l] = forms.any_of(curves[which[j, 0]])
                     shapes[l] = one.shaped_by(of_model, 0) or one.shaped_by(of_model, 1)
                     plays[l] = s[BACKLASH + l] > 0.0 or s[_SIDE + BACKLASH + l] > 0.0
-                    shaped = heated = scrubbed = pulled = faded = filtered = slipping = drawn = flexible = False
+                    shaped = heated = scrubbed = pulled = faded = filtered = slipping = iterated = flexible = False
                     formed = False
                     for i in range(lanes):
                         shaped |= shapes[i]
@@ -341,7 +343,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                         filtered |= s[SPEED_TAU + i] > 0.0 or s[_SIDE + SPEED_TAU + i] > 0.0
                         slipping |= s[SLIP + i] != 0.0 or s[_SIDE + SLIP + i] != 0.0
                         flexible |= s[CONTACT + i] != _RIGID or s[_SIDE + CONTACT + i] != _RIGID
-                        drawn |= s[SOURCE + i] != 0.0 or s[LOAD + i] != 0.0 or s[_SIDE + LOAD + i] != 0.0
+                        iterated |= s[SOURCE + i] != 0.0 or s[LOAD + i] != 0.0 or s[_SIDE + LOAD + i] != 0.0
                 due = now + 1e-9
                 end = last[l]
                 reports = next_sample[l] <= due or next_pose[l] <= due
@@ -367,9 +369,11 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                     k = sample[l]
                     while True:
                         row = to_out[l] + k
-                        draw = driver.draw(s[CUR + l], s[VA + l], s[SUPPLY + l])
-                        draw += driver.draw(s[_SIDE + CUR + l], s[_SIDE + VA + l], s[SUPPLY + l])
-                        bus = driver.loaded_bus(s[SUPPLY + l], s[SOURCE + l], draw, s[DECLINE + l], now - s[BEGUN + l])
+                        current = driver.bus_current(s[CUR + l], s[VA + l], s[SUPPLY + l])
+                        current += driver.bus_current(s[_SIDE + CUR + l], s[_SIDE + VA + l], s[SUPPLY + l])
+                        bus = driver.loaded_bus(
+                            s[SUPPLY + l], s[SOURCE + l], current, s[DECLINE + l], now - s[BEGUN + l]
+                        )
                         out[row, 0] = s[BUS_ROW + l] if s[MEASURED + l] > 0.0 else bus
                         for i in range(2):
                             o = i * _SIDE + l
@@ -398,8 +402,8 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                                     speed += _told(curves, which[job[l], 0], i, speed)
                                 if ts[k] - later < ts[begin[l]]:
                                     # As in `kernel.replay`.
-                                    begun = starts[which[job[l], 1], 9 + i]
-                                    speed = begun + (speed - begun) * (ts[k] - ts[begin[l]]) / later
+                                    initial = starts[which[job[l], 1], 9 + i]
+                                    speed = initial + (speed - initial) * (ts[k] - ts[begin[l]]) / later
                                 out[to_out[l] + k, 3 + i] = speed
                                 k += 1
                             lagging[i, l] = k
@@ -540,14 +544,14 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                 w = s[o + WM + l]
                 s[o + WN + l], s[o + WMN + l] = s[o + W + l], w
                 s[o + STICK + l] = friction.direction(w)
-        if drawn:
+        if iterated:
             # What the current comes to at the bus before and an even speed.
             for k in range(2):
                 o = k * _SIDE
                 for l in range(lanes):
                     w, cur = s[o + WMN + l], s[o + CUR + l]
                     emf = s[o + KE + l] * w
-                    volts = driver.behind_driver(s[o + VD + l] * s[LEVEL + l], emf, s[o + LIM + l], s[o + DROP + l])
+                    volts = driver.winding_voltage(s[o + VD + l] * s[LEVEL + l], emf, s[o + LIM + l], s[o + DROP + l])
                     s[o + MEAN + l] = motor.even_current(
                         cur, volts, emf, s[o + DECAY + l], s[o + RISE_V + l], s[o + MEAN_V + l], s[o + MEAN_I + l]
                     )
@@ -584,7 +588,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
         trial = 0
         while True:
             # ---- driver, armature and rotor of each side: mean current = m0 - m1 * rotor speed at the end of the step
-            if drawn:
+            if iterated:
                 for l in range(lanes):
                     supply, source, level = s[SUPPLY + l], s[SOURCE + l], s[LEVEL + l]
                     # `DONE` is the time at the step's end.
@@ -592,10 +596,10 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                     bus = driver.unloaded_bus(supply, s[DECLINE + l], elapsed)
                     # Newton's step: a higher bus drives more current, which lowers it. Both sides in full: a loop over
                     # them here would keep this one out of vector registers.
-                    amperes = driver.draw(s[MEAN + l], s[VA + l], supply)
-                    amperes += driver.draw(s[_SIDE + MEAN + l], s[_SIDE + VA + l], supply)
-                    lowers = _more_current(s, l, supply) + _more_current(s, _SIDE + l, supply)
-                    stepped = driver.sagging(supply, source, level, bus, amperes, lowers)
+                    amperes = driver.bus_current(s[MEAN + l], s[VA + l], supply)
+                    amperes += driver.bus_current(s[_SIDE + MEAN + l], s[_SIDE + VA + l], supply)
+                    slope = _bus_current_slope(s, l, supply) + _bus_current_slope(s, _SIDE + l, supply)
+                    stepped = driver.sagging(supply, source, level, bus, amperes, slope)
                     bus = stepped if source != 0.0 else bus
                     s[LEVEL + l] = (s[BUS_ROW + l] if s[MEASURED + l] > 0.0 else bus) / supply
             else:
@@ -609,7 +613,9 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                     h = s[H + l]
                     w = s[o + WMN + l]
                     ke = s[o + KE + l]
-                    volts = driver.behind_driver(s[o + VD + l] * s[LEVEL + l], ke * w, s[o + LIM + l], s[o + DROP + l])
+                    volts = driver.winding_voltage(
+                        s[o + VD + l] * s[LEVEL + l], ke * w, s[o + LIM + l], s[o + DROP + l]
+                    )
                     c0, m0 = motor.armature(
                         s[o + CUR + l],
                         volts,
@@ -785,7 +791,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                         s[o + STICK] = other
                 if again == 0:
                     break
-            if not drawn:
+            if not iterated:
                 break
             for k in range(2):
                 o = k * _SIDE
@@ -811,7 +817,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                 )
                 if redone[l]:
                     again = 1
-                    _kept_state(s, l, as_begun[l], False)
+                    _kept_state(s, l, initial_state[l], False)
         # ---- accept the step
         for k in range(2):
             o = k * _SIDE
@@ -870,7 +876,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
         if again > 0:
             for l in range(lanes):
                 if redone[l]:
-                    _kept_state(s, l, as_begun[l], True)
+                    _kept_state(s, l, initial_state[l], True)
                     for k in range(2):
                         o = k * _SIDE + l
                         s[o + W], s[o + WM] = s[o + WN], s[o + WMN]

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from rtds_host.diagnosis.effects import CATALOGUE
-from rtds_host.diagnosis.forms.formula import NORMAL_90
 from rtds_host.diagnosis.report.details import Details
 from rtds_host.diagnosis.report.html import section
 from rtds_host.diagnosis.report.words import (
@@ -21,6 +20,7 @@ from rtds_host.diagnosis.report.words import (
     parameter_name,
     percent,
 )
+from rtds_host.diagnosis.thresholds import Z90
 from rtds_host.plant import forms as plant
 
 # Layout: the drawing, and its bars of data, in the drawing's own units.
@@ -82,7 +82,7 @@ def _drawing(form: dict[str, Any], details: Details, name: str) -> str:
     """The curve as SVG: band, line, points, axes, and bars where data lie."""
     curve = np.asarray(form["curve"], dtype=float)
     x, y, error = curve.T
-    low, high = float((y - NORMAL_90 * error).min()), float((y + NORMAL_90 * error).max())
+    low, high = float((y - Z90 * error).min()), float((y + Z90 * error).max())
     low, high = min(low, 0.0), max(high, 0.0)
     pad = 0.06 * (high - low) or 0.5
     low, high = low - pad, high + pad
@@ -119,13 +119,12 @@ def _drawing(form: dict[str, Any], details: Details, name: str) -> str:
         if n
     ]
     parts += [
-        f'<polygon class="band" points="{points(y + NORMAL_90 * error)} '
-        f'{points(y - NORMAL_90 * error, slice(None, None, -1))}"/>',
+        f'<polygon class="band" points="{points(y + Z90 * error)} {points(y - Z90 * error, slice(None, None, -1))}"/>',
         f'<line class="zero" x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{py(0):.1f}" y2="{py(0):.1f}"/>',
         f'<polyline class="curve" points="{points(y)}"/>',
         *(
             f'<circle class="curve" cx="{px(a):.1f}" cy="{py(b):.1f}" r="2.4"><title>{number(a)} {escape(unit_x)}: '
-            f"{number(b)} ± {number(NORMAL_90 * e)} {escape(unit_y)}</title></circle>"
+            f"{number(b)} ± {number(Z90 * e)} {escape(unit_y)}</title></circle>"
             for a, b, e in curve
         ),
         f'<text x="{(LEFT + WIDTH - RIGHT) / 2}" y="{HEIGHT - 12}" text-anchor="middle">{escape(over)} '

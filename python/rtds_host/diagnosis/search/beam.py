@@ -11,12 +11,12 @@ from rtds_host.diagnosis.fit import Fit, Proposal
 from rtds_host.diagnosis.screen import Screen, clashes, sensitivities_of
 from rtds_host.diagnosis.search.driver import Search
 from rtds_host.diagnosis.search.moves.adding import entered
-from rtds_host.diagnosis.search.screening import promising
+from rtds_host.diagnosis.search.screening import ranked
 
-# Numerical: explanations that are kept of each number of effects, those that are fitted in earnest, the most effects,
-# and the effects of each screening that are tried on each explanation, of an axis and of a robot, whose sides triple
-# them.
-WIDTH, REFINED, DEPTH = 4, 12, 4
+# Numerical: explanations that are kept of each number of effects, those that are fitted to convergence, the most
+# effects, and the effects of each screening that are tried on each explanation, of an axis and of a robot, whose sides
+# triple them.
+WIDTH, CONVERGED, DEPTH = 4, 12, 4
 TRIED = {True: 12, False: 5}
 
 
@@ -46,13 +46,13 @@ def widened(search: Search) -> dict[int, list[Fit]]:
             mine.append(fit)
     # Where only noise is left the likelihood is exact.
     for mine in found.values():
-        for optima in store.optima([f for f in mine if f.hypothesis and not store.within_noise(f)]):
+        for optima in store.local_optima([f for f in mine if f.hypothesis and not store.within_noise(f)]):
             mine.extend(optima[1:])
     return found
 
 
 def _extended(search: Search, beam: list[Fit]) -> list[Fit]:
-    """The most probable explanations with one effect more than those of the beam, fitted in earnest."""
+    """The most probable explanations with one effect more than those of the beam, fitted to convergence."""
     problem, store, proposals = search.problem, search.store, []
     for fit in beam:
         wanted = {e for e in store.wanted if not store.effects[e].periodic}
@@ -63,11 +63,11 @@ def _extended(search: Search, beam: list[Fit]) -> list[Fit]:
         count = TRIED[problem.robot.axis is not None]
         proposals += [
             Proposal.of({**fit.parts, one.cause: entered(store, fit, one)}, fit)
-            for one in promising(store, screens, count)
+            for one in ranked(store, screens, count)
             if not clashes(one.cause, fit.hypothesis)
         ]
     rough = {f.hypothesis: f for f in store.try_fits(proposals, rough=True)}
-    first = sorted(rough.values(), key=store.score)[:REFINED]
-    fitted = store.refined(first)
+    first = sorted(rough.values(), key=store.score)[:CONVERGED]
+    fitted = store.converged(first)
     unique = {f.hypothesis: f for f in fitted if store.admissible(f)}
     return sorted(unique.values(), key=store.score)[:WIDTH]

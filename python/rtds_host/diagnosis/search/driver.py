@@ -11,7 +11,7 @@ import math
 from rtds_host.diagnosis.fit import Fit, Hypothesis
 from rtds_host.diagnosis.likelihood import Likelihood
 from rtds_host.diagnosis.problem import CHI2, Problem
-from rtds_host.diagnosis.search.moves import adding, exchanging, polishing, removing, renaming
+from rtds_host.diagnosis.search.moves import adding, exchanging, refining, removing, renaming
 from rtds_host.diagnosis.search.screening import Screening
 from rtds_host.diagnosis.search.store import Store
 
@@ -26,27 +26,29 @@ MOST_WORK, QUICK_WORK = 1.2e9, 4e8
 
 
 class Limits:
-    """Budgets of work of one search and of the account after it, which has as much again. `ended`: whether one of them
-    was used up."""
+    """Budgets of work of one search and of the attribution after it, which has as much again.
+
+    `ended`: whether one of them was used up.
+    """
 
     def __init__(self, problem: Problem, quick: bool):
         self.problem = problem
         self.quick = quick
         self.ended = False
-        self.search_until = self.account_until = math.inf
+        self.search_until = self.attribution_until = math.inf
 
     def begin(self) -> None:
         """Start both budgets. A case of an axis is searched three times, one of a robot twice."""
         most = QUICK_WORK if self.quick else MOST_WORK
-        self.search_until, self.account_until = self.problem.work + most, self.problem.work + 2.0 * most
+        self.search_until, self.attribution_until = self.problem.work + most, self.problem.work + 2.0 * most
 
     def search_over_budget(self) -> bool:
         """Whether the search has used its budget. It then ends with what it has found."""
         return self._reached(self.search_until)
 
-    def account_over_budget(self) -> bool:
-        """Whether the account has used its budget. No further indistinguishable effects are then fitted."""
-        return self._reached(self.account_until)
+    def attribution_over_budget(self) -> bool:
+        """Whether the attribution has used its budget. No further indistinguishable effects are then fitted."""
+        return self._reached(self.attribution_until)
 
     def _reached(self, work: float) -> bool:
         reached = self.problem.work >= work
@@ -95,17 +97,17 @@ class Search:
         """Let a ripple follow the measured angles, and estimate the runs' initial states with the nominal robot."""
         self.problem.follow_angles(True)
         fitter = self.store.fitter
-        fitter.start = self.problem.aligned(self.problem.nominal.begun(fitter.start))
+        fitter.start = self.problem.aligned(self.problem.nominal.with_start(fitter.start))
 
     def _discrepancy(self) -> Likelihood:
         """The likelihood estimated from the residual of the nominal robot."""
-        nominal = self.problem.nominal.begun(self.store.fitter.start)
+        nominal = self.problem.nominal.with_start(self.store.fitter.start)
         return self.problem.white().estimated(self.problem.residual(nominal))
 
     def _without_effects(self, discrepancy: Likelihood) -> Fit:
         """The explanation without any effect, with the screening started afresh."""
         self.screening, self.searched = self.screening.again(), {()}
-        return self.store.nothing(discrepancy)
+        return self.store.fit_without_effects(discrepancy)
 
     def _search(self) -> Fit:
         store, over_budget = self.store, self.limits.search_over_budget
@@ -114,7 +116,7 @@ class Search:
         fit = self._without_effects(discrepancy)
         for _ in range(EXCHANGES):
             fit = self.select_forward(fit)
-            fit = polishing.polished(store, fit, fit.hypothesis)
+            fit = refining.refine_locally(store, fit, fit.hypothesis)
             count = 1 if over_budget() else 2 if self.quick else 4
             better = self._traced("exchange", fit, exchanging.exchanged(store, self.screening, fit, count))
             if better is fit and not over_budget():
@@ -122,10 +124,10 @@ class Search:
             done, fit = better is fit, better
             if done or over_budget():
                 break
-        # Where no gap is left the likelihood decides, even if effects are too small to be named. The account
+        # Where no gap is left the likelihood decides, even if effects are too small to be named. The attribution
         # removes these.
         fit = fit if store.admissible(fit) else store.best()
-        fit = store.better(fit, [store.best()]) if store.within_noise(fit) else fit
+        fit = store.more_probable(fit, [store.best()]) if store.within_noise(fit) else fit
         return self._traced("rename", fit, renaming.renamed(store, fit))
 
     def _traced(self, step: str, fit: Fit, other: Fit) -> Fit:
@@ -143,7 +145,7 @@ class Search:
             store.fitter.start = start.with_headings({})
             declared = store.fitter.fit(fit.hypothesis, fit.u, fit.z, fit.noise)
             if declared.cost < fit.cost + CHI2:
-                store.keep(store.fits[()], declared)
+                store.restrict_to(store.fits[()], declared)
                 return store.fits[fit.hypothesis]
             store.fitter.start = start
         return fit
@@ -158,7 +160,7 @@ class Search:
         if not periodic(fit.hypothesis):
             return fit
         store.fits = {h: f for h, f in store.fits.items() if not periodic(h)}
-        return polishing.polished(store, store.refined([fit])[0], fit.hypothesis)
+        return refining.refine_locally(store, store.converged([fit])[0], fit.hypothesis)
 
     def extend(self, fit: Fit) -> Fit | None:
         """Add the effect that raises the evidence most; None if there is none."""
@@ -181,7 +183,7 @@ class Search:
         ]
         for fit in sorted(met, key=store.score):
             if store.supported(fit, accepted, closest):
-                return store.refined([fit])[0]
+                return store.converged([fit])[0]
         return None
 
     def select_forward(self, fit: Fit) -> Fit:
@@ -200,7 +202,7 @@ class Search:
                 other = self.best_supported(accepted, closest) if not store.within_noise(accepted) else None
                 if other is not None:
                     new = set(other.hypothesis) - set(accepted.hypothesis)
-                    accepted = fit = self._traced("add supported", accepted, polishing.polished(store, other, new))
+                    accepted = fit = self._traced("add supported", accepted, refining.refine_locally(store, other, new))
                     unsupported, closest = 0, min(closest, store.gap(fit))
                     continue
                 if accepted.hypothesis in self.searched or store.within_noise(accepted):
@@ -223,12 +225,12 @@ class Search:
         """The accepted explanation and its extension, both with the extension's initial states and delays."""
         store, problem = self.store, self.problem
         model = fit.model(problem)
-        start = problem.aligned_commands(model.begun(problem.aligned(model)))
+        start = problem.aligned_commands(model.with_start(problem.aligned(model)))
         if start == store.fitter.start:
             return accepted, fit
         # Fits with other initial states or delays are not comparable: forget them.
         store.fitter.by_nuisance, store.fitter.start = None, start
-        store.keep(store.fits[()], accepted, fit)
+        store.restrict_to(store.fits[()], accepted, fit)
         accepted, fit = store.fits[accepted.hypothesis], store.fits[fit.hypothesis]
         # With wrong initial states, an effect that compensated for them may have been chosen: choose again.
         other = self.extend(accepted) if fit is not accepted else None

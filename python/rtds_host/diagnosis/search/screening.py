@@ -69,7 +69,7 @@ class Screening:
         return screens, replace(self, last=screens[1], slow=slow)
 
 
-def promising(store: Store, screens: Iterable[Screen], count: int) -> list[Candidate]:
+def ranked(store: Store, screens: Iterable[Screen], count: int) -> list[Candidate]:
     """The first effects of each screening, so many of each: the best side, and another that promises nearly as
     much.
     """

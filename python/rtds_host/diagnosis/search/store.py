@@ -48,9 +48,9 @@ class Store:
         self.wanted = {e for e in problem.effects if e not in without}
         self.fitter = Fitter(problem)
         self.fits: dict[Hypothesis, Fit] = {}
-        self._begun: dict[tuple, float] = {}  # explanations that were fitted, what each fit began from, and its score
-        self._refitted: Fit | None = None
-        self._optima: dict[Hypothesis, tuple[Fit, Fit]] = {}
+        self._scores: dict[tuple, float] = {}  # explanations that were fitted, what each fit began from, and its score
+        self._nuisances_only: Fit | None = None
+        self._local_optima: dict[Hypothesis, tuple[Fit, Fit]] = {}
 
     # ---- scores
 
@@ -100,7 +100,7 @@ class Store:
         """The most probable explanation so far."""
         return min((f for f in self.fits.values() if self.admissible(f)), key=self.score)
 
-    def better(self, fit: Fit, others: Iterable[Fit]) -> Fit:
+    def more_probable(self, fit: Fit, others: Iterable[Fit]) -> Fit:
         """The most probable of an explanation and others; one that leaves no gap gives way to convincing odds alone."""
         best = min(others, key=self.score, default=fit)
         least = 2.0 * math.log(CONVINCING) if self.within_noise(fit) else 0.0
@@ -137,45 +137,45 @@ class Store:
     def try_fits(self, proposals: Iterable[Proposal], rough: bool = False) -> list[Fit]:
         """The same of several proposals, side by side."""
         proposals = list(proposals)
-        self.reached(proposals, rough)
+        self.scores_of(proposals, rough)
         return [self.fits[one.hypothesis] for one in proposals]
 
-    def refined(self, fits: Iterable[Fit]) -> list[Fit]:
+    def converged(self, fits: Iterable[Fit]) -> list[Fit]:
         """Rough fits, each fitted again to convergence from its present parameters."""
         return self.try_fits(Proposal(f.hypothesis, f.u, f) for f in fits)
 
-    def reached(self, proposals: Sequence[Proposal], rough: bool) -> list[float]:
+    def scores_of(self, proposals: Sequence[Proposal], rough: bool) -> list[float]:
         """The same as `try_fits`, and the scores of these very fits."""
         keys = [(one.hypothesis, one.u.tobytes(), one.near.hypothesis, one.near.cost, rough) for one in proposals]
-        new = {k: one for k, one in zip(keys, proposals) if k not in self._begun or one.hypothesis not in self.fits}
+        new = {k: one for k, one in zip(keys, proposals) if k not in self._scores or one.hypothesis not in self.fits}
         works = [self.fitter.fitting_to(one, rough) for one in new.values()]
         for key, fit in zip(new, side_by_side(self.problem, works)):
             best = self.fits.get(fit.hypothesis)
             if best is None or fit.cost < best.cost:
                 self.fits[fit.hypothesis] = fit
-            self._begun[key] = self.score(fit)
-        return [self._begun[key] for key in keys]
+            self._scores[key] = self.score(fit)
+        return [self._scores[key] for key in keys]
 
-    def nothing(self, noise: Likelihood) -> Fit:
+    def fit_without_effects(self, noise: Likelihood) -> Fit:
         """The explanation without any effect, roughly fitted from a discrepancy; it replaces an earlier one."""
         z = np.zeros(self.fitter.count)
         self.fits[()] = self.fitter.fit((), np.empty(0), z, noise, ROUGH_ITERATIONS)
         return self.fits[()]
 
-    def keep(self, *fits: Fit) -> None:
+    def restrict_to(self, *fits: Fit) -> None:
         """Forget all explanations but some, which are fitted again with runs that begin as they now do."""
         kept = {f.hypothesis: f for f in fits}
         self.fits = {h: self.fitter.fit(h, f.u, f.z, f.noise, ITERATIONS) for h, f in kept.items()}
 
-    def refitted(self) -> Fit:
+    def nuisances_only(self) -> Fit:
         """The nominal robot with nuisances that bring its replay as close as their tolerance allows, whatever is
         missing: no discrepancy, so that what they could explain is not taken for one."""
-        if self._refitted is None or self._refitted.start != self.fitter.start:
+        if self._nuisances_only is None or self._nuisances_only.start != self.fitter.start:
             flat = self.problem.white()
-            self._refitted = self.fitter.fit((), np.empty(0), np.zeros(self.fitter.count), flat, fixed=True)
-        return self._refitted
+            self._nuisances_only = self.fitter.fit((), np.empty(0), np.zeros(self.fitter.count), flat, fixed=True)
+        return self._nuisances_only
 
-    def optima(self, fits: Sequence[Fit]) -> list[list[Fit]]:
+    def local_optima(self, fits: Sequence[Fit]) -> list[list[Fit]]:
         """Of each explanation the fit, that by plain squares from no nuisance, and that by the likelihood from there.
 
         A logarithm of squares has many local optima, since what fits a stretch well makes that stretch heavy; plain
@@ -183,7 +183,11 @@ class Store:
         Graduated non-convexity: A. Blake, A. Zisserman, Visual Reconstruction, 1987.
         """
         white = self.problem.white()
-        new = [f for f in fits if f.hypothesis not in self._optima or self._optima[f.hypothesis][0].start != f.start]
+        new = [
+            f
+            for f in fits
+            if f.hypothesis not in self._local_optima or self._local_optima[f.hypothesis][0].start != f.start
+        ]
         plain = side_by_side(
             self.problem,
             [self.fitter.fitting(f.hypothesis, f.u, np.zeros_like(f.z), white, ITERATIONS, fixed=True) for f in new],
@@ -192,5 +196,5 @@ class Store:
             self.problem, [self.fitter.fitting(f.hypothesis, f.u, f.z, white, ITERATIONS) for f in plain]
         )
         for others in zip(plain, likely, strict=True):
-            self._optima[others[0].hypothesis] = others
-        return [[fit, *filter(self.admissible, self._optima[fit.hypothesis])] for fit in fits]
+            self._local_optima[others[0].hypothesis] = others
+        return [[fit, *filter(self.admissible, self._local_optima[fit.hypothesis])] for fit in fits]

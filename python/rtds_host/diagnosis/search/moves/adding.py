@@ -8,32 +8,32 @@ import numpy as np
 
 from rtds_host.diagnosis.fit import Fit, Proposal, apply, joined, scaled, to_values
 from rtds_host.diagnosis.screen import Candidate, Screen, clashes, sensitivities_of, splits, start_values
-from rtds_host.diagnosis.search.moves.polishing import polished
-from rtds_host.diagnosis.search.screening import promising
+from rtds_host.diagnosis.search.moves.refining import refine_locally
+from rtds_host.diagnosis.search.screening import ranked
 from rtds_host.diagnosis.search.store import FAR, Store
 
 # Numerical: sizes to look at before a fit of one whose misfit is rough, as factors.
 COARSE = (0.35, 0.6, 0.88, 1.35, 1.6, 2.0, 3.0, 4.5, 6.5)
-# Numerical: rough fits that are fitted in earnest: what is rough about a fit may be more than what parts them.
-EARNEST = 2
+# Numerical: rough fits that are fitted to convergence: what is rough about a fit may be more than what parts them.
+CONVERGED = 2
 
 
-def promised(store: Store, screens: Sequence[Screen], fit: Fit, count: int) -> list[Proposal]:
+def additions(store: Store, screens: Sequence[Screen], fit: Fit, count: int) -> list[Proposal]:
     """One of the effects that a fit's screenings promise most of, `count` of each."""
     return [
-        Proposal.of(with_one(fit, one.cause, entered(store, fit, one)), fit) for one in promising(store, screens, count)
+        Proposal.of(with_one(fit, one.cause, entered(store, fit, one)), fit) for one in ranked(store, screens, count)
     ]
 
 
 def extended(store: Store, screens: Sequence[Screen], fit: Fit, count: int) -> Fit | None:
-    """The most probable of these that is more so than the fit; None if there is none. Which ones are fitted in earnest
-    depends on their rough fits."""
-    found = store.try_fits(promised(store, screens, fit, count), rough=True)
+    """The most probable of these, if it is more probable than the fit; None if none is. Which ones are fitted to
+    convergence depends on their rough fits."""
+    found = store.try_fits(additions(store, screens, fit, count), rough=True)
     found = sorted((f for f in found if store.score(f) < store.score(fit)), key=store.score)
     best = None
-    for rough in found[:EARNEST]:
+    for rough in found[:CONVERGED]:
         if best is None or store.score(rough) < store.score(best) + FAR:
-            other = polished(store, store.refined([rough])[0], set(rough.hypothesis) - set(fit.hypothesis))
+            other = refine_locally(store, store.converged([rough])[0], set(rough.hypothesis) - set(fit.hypothesis))
             best = min(
                 [f for f in (best, other) if f is not None and store.admissible(f)], key=store.score, default=None
             )

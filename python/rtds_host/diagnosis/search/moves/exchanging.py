@@ -11,40 +11,40 @@ from rtds_host.diagnosis.fit import Fit, Proposal
 from rtds_host.diagnosis.screen import Candidate, Screen, clashes, doubles
 from rtds_host.diagnosis.search.moves.adding import with_one
 from rtds_host.diagnosis.search.moves.removing import without
-from rtds_host.diagnosis.search.moves.renaming import halved, namesakes, parted_sides, sides
-from rtds_host.diagnosis.search.screening import NEARLY, Screening, promising
+from rtds_host.diagnosis.search.moves.renaming import halved, parted_sides, sides, substitutes
+from rtds_host.diagnosis.search.screening import NEARLY, Screening, ranked
 from rtds_host.diagnosis.search.store import FAR, ROUGHLY, Store
 
 # Numerical: log odds from which an effect is hardly exchanged.
 SURE = 12.0
 # Numerical: effects of a screening whose pairs are looked at, and pairs tried in the place of two that close the gap.
 PAIRED, PAIRS = 12, 3
-# Numerical: exchanges of one and of two effects that are fitted in earnest, that which they are compared with included.
-EARNEST, EARNEST_PAIRS = 3, 2
+# Numerical: exchanges of one and of two effects that are fitted to convergence, with what they are compared with.
+CONVERGED, CONVERGED_PAIRS = 3, 2
 
 
 def exchanged(store: Store, screening: Screening, fit: Fit, count: int) -> Fit:
     """The explanation, or a better one with another side of an effect or what the screening without it promises, up to
-    `count` of each screening. What is mixed and what is fitted in earnest depends on rough fits."""
+    `count` of each screening. What is mixed and what is fitted to convergence depends on rough fits."""
     starts: list[Proposal] = []
     swaps: list[Proposal] = []
     found: list[Fit] = []
     for cause, alone in zip(fit.hypothesis, without(store, fit, *fit.hypothesis)):
         starts += [*sides(store, fit, cause), *parted_sides(store, alone, cause), *halved(store, fit, cause)]
-        found += namesakes(store, fit, cause).values()
+        found += substitutes(store, fit, cause).values()
         sure = log_odds(*likelihood_gain(store.problem, fit, alone)) > SURE
         swaps += [
             Proposal.of(with_one(alone, one.cause, one.start), alone)
-            for one in promising(store, screening.screens(store, alone), 1 if sure else count)
+            for one in ranked(store, screening.screens(store, alone), 1 if sure else count)
             if one.cause != cause
         ]
     others = store.try_fits(swaps, rough=True)
     found += [*store.try_fits(starts, rough=True), *others]
     found += store.try_fits(p for swap, other in zip(swaps, others) for p in mixed(store, fit, swap.near, other))
     tried = sorted([fit, *(f for f in found if store.score(f) < store.score(fit) + ROUGHLY)], key=store.score)
-    found = store.refined(f for f in tried[:EARNEST] if f is not fit)
+    found = store.converged(f for f in tried[:CONVERGED] if f is not fit)
     most, gap = len(fit.hypothesis), store.gap(fit)
-    return store.better(fit, [f for f in found if len(f.hypothesis) <= most or store.supported(f, fit, gap)])
+    return store.more_probable(fit, [f for f in found if len(f.hypothesis) <= most or store.supported(f, fit, gap)])
 
 
 def mixed(store: Store, fit: Fit, alone: Fit, swapped: Fit) -> list[Proposal]:
@@ -81,8 +81,8 @@ def pairs_exchanged(store: Store, screening: Screening, fit: Fit) -> Fit:
         for proposal in pairs_for(store, screen, alone, two)[: PAIRS if store.within_noise(fit) else 1]
     ]
     tried = [f for f in store.try_fits(proposals, rough=True) if store.score(f) < store.score(fit) + FAR]
-    found = store.refined(sorted(tried, key=store.score)[:EARNEST_PAIRS])
-    return store.better(fit, [f for f in found if store.admissible(f)])
+    found = store.converged(sorted(tried, key=store.score)[:CONVERGED_PAIRS])
+    return store.more_probable(fit, [f for f in found if store.admissible(f)])
 
 
 def pairs_for(store: Store, screen: Screen, alone: Fit, two: Sequence[tuple[str, str]]) -> list[Proposal]:
@@ -100,7 +100,7 @@ def pairs_for(store: Store, screen: Screen, alone: Fit, two: Sequence[tuple[str,
 def rivals(store: Store, screens: Sequence[Screen], cause: tuple[str, str], count: int) -> list[Candidate]:
     """What else would take the place of an effect that was taken out, most promising first; screens: of the fit
     without it."""
-    return [c for c in promising(store, screens, count) if c.cause != cause and not clashes(c.cause, screens[0].taken)]
+    return [c for c in ranked(store, screens, count) if c.cause != cause and not clashes(c.cause, screens[0].taken)]
 
 
 def swapped(store: Store, fit: Fit, alone: Fit, rival: Candidate) -> Fit:
@@ -109,4 +109,4 @@ def swapped(store: Store, fit: Fit, alone: Fit, rival: Candidate) -> Fit:
     (rough,) = store.try_fits([Proposal.of({**alone.parts, rival.cause: rival.start}, alone)], rough=True)
     if log_odds(*likelihood_gain(store.problem, fit, rough)) > SURE and store.score(rough) > store.score(fit) + FAR:
         return rough
-    return store.refined([rough])[0]
+    return store.converged([rough])[0]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rtds_host.diagnosis.fit import Fit, Proposal
 from rtds_host.diagnosis.screen import clashes
-from rtds_host.diagnosis.search.moves.renaming import likened
+from rtds_host.diagnosis.search.moves.renaming import approximated_by
 from rtds_host.diagnosis.search.store import ROUGHLY, Store
 
 
@@ -22,20 +22,20 @@ def pruned(store: Store, fit: Fit) -> Fit:
     one effect. It goes on from what the last fits left."""
     while fit.hypothesis:
         simpler = without(store, fit, *fit.hypothesis) if len(fit.hypothesis) > 1 else []
-        simpler += store.try_fits(merged(fit)) + store.try_fits(plainer(store, fit), rough=True)
+        simpler += store.try_fits(merged(fit)) + store.try_fits(simpler_forms(store, fit), rough=True)
         simpler += store.try_fits(gathered(store, fit))
         if not simpler:
             break
         best = min(simpler, key=store.score)
         if store.score(best) < store.score(fit) + ROUGHLY:
-            (best,) = store.refined([best])
+            (best,) = store.converged([best])
         if store.score(best) >= store.score(fit):
             break
         fit = best
     return fit
 
 
-def plainer(store: Store, fit: Fit) -> list[Proposal]:
+def simpler_forms(store: Store, fit: Fit) -> list[Proposal]:
     """The explanation with an effect in its simpler form: without the further parameters."""
     parts, found = fit.parts, []
     for effect, side in fit.hypothesis:
@@ -64,6 +64,6 @@ def gathered(store: Store, fit: Fit) -> list[Proposal]:
     return [
         Proposal.of({**fit.parts_without(cause), other: start}, fit)
         for cause in fit.hypothesis
-        for other, start in likened(store, fit, cause).items()
+        for other, start in approximated_by(store, fit, cause).items()
         if other in fit.hypothesis
     ]

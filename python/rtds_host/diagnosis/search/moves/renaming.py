@@ -7,28 +7,28 @@ import numpy as np
 from rtds_host.diagnosis.fit import Fit, Proposal, scaled
 from rtds_host.diagnosis.screen import available, clashes, doubles
 from rtds_host.diagnosis.search.moves.adding import with_one
-from rtds_host.diagnosis.search.moves.polishing import polished
+from rtds_host.diagnosis.search.moves.refining import refine_locally
 from rtds_host.diagnosis.search.store import FAR, Store
 
 
-def namesakes(store: Store, fit: Fit, cause: tuple[str, str]) -> dict[tuple[str, str], Fit]:
+def substitutes(store: Store, fit: Fit, cause: tuple[str, str]) -> dict[tuple[str, str], Fit]:
     """The same size as another effect with the same parameters, or that of one that does most of the same, by that,
     where no slope leads from one to the other: of two delays one gives way to the other only if it is as long from
-    the start. Which ones are polished hangs on their fits."""
+    the start. Which ones are refine_locally hangs on their fits."""
     remaining = fit.parts_without(cause)
     found = {}
     starts = {other: fit.parts[cause] for other in alike(store, fit, cause)}
-    starts |= {other: start for other, start in likened(store, fit, cause).items() if other not in remaining}
+    starts |= {other: start for other, start in approximated_by(store, fit, cause).items() if other not in remaining}
     for other, start in starts.items():
         (named,) = store.try_fits([Proposal.of({**remaining, other: start}, fit)])
         # What is included with a delay may have bent to it; but not by so much.
-        found[other] = named if store.score(named) > store.score(fit) + FAR else polished(store, named, remaining)
+        found[other] = named if store.score(named) > store.score(fit) + FAR else refine_locally(store, named, remaining)
     return found
 
 
 def renamed(store: Store, fit: Fit) -> Fit:
-    """The explanation, or the better one that includes one of its effects' namesakes at the same size."""
-    found = [f for cause in fit.hypothesis for f in namesakes(store, fit, cause).values()]
+    """The explanation, or the better one that includes one of its effects' substitutes at the same size."""
+    found = [f for cause in fit.hypothesis for f in substitutes(store, fit, cause).values()]
     return min([fit, *(f for f in found if store.admissible(f))], key=store.score)
 
 
@@ -39,7 +39,7 @@ def halved(store: Store, fit: Fit, cause: tuple[str, str]) -> list[Proposal]:
     others = {other: fit.parts[cause] for other in alike(store, fit, cause)}
     others |= {
         other: start
-        for other, start in likened(store, fit, cause).items()
+        for other, start in approximated_by(store, fit, cause).items()
         if other not in fit.hypothesis and (store.effects[cause[0]].steep or store.effects[other[0]].steep)
     }
     return [
@@ -90,14 +90,14 @@ def alike(store: Store, fit: Fit, cause: tuple[str, str]) -> list[tuple[str, str
     return [one for one in others if not clashes(one, remaining) and not doubles(store.problem, one, remaining)]
 
 
-def likened(store: Store, fit: Fit, cause: tuple[str, str]) -> dict[tuple[str, str], np.ndarray]:
+def approximated_by(store: Store, fit: Fit, cause: tuple[str, str]) -> dict[tuple[str, str], np.ndarray]:
     """Effects that do most of what one of an explanation does, on its side where they have sides, and with which
     scaled parameters; together with its own where they are in already."""
     at = dict(zip(fit.hypothesis, fit.values))
     remaining = tuple(fit.parts_without(cause))
     there = {effect.id for effect in available(store.problem)} & store.wanted
     found = {}
-    for other, like in store.effects[cause[0]].likened.items():
+    for other, like in store.effects[cause[0]].approximated_by.items():
         one = in_place(store, other, cause)
         parameters = like(at[cause], existing=at.get(one)) if other in there else None
         if parameters is not None and (

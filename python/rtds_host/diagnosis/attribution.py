@@ -17,7 +17,7 @@ from rtds_host.diagnosis.evidence import enough_to_include, excess, gap_gain, li
 from rtds_host.diagnosis.fit import Fit, Hypothesis, joined
 from rtds_host.diagnosis.gap import LEAST
 from rtds_host.diagnosis.left_out import left_out_gap
-from rtds_host.diagnosis.lookalikes import lookalikes
+from rtds_host.diagnosis.practically_indistinguishable import practically_indistinguishable
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.scatter import absent
 from rtds_host.diagnosis.search.driver import Search
@@ -52,7 +52,7 @@ class EffectEvidence:
 
 
 @dataclass(frozen=True)
-class Account:
+class Attribution:
     """The included effects, the fit with just these, and the effects that are indistinguishable from them.
 
     base : the fit without effects; rejected : (effect, side) -> why an effect of the most probable explanation is not
@@ -74,30 +74,32 @@ class Account:
         return self.shares.get(cause, 1.0)
 
 
-def account(search: Search, fit: Fit) -> Account:
-    """The account of an explanation: its effects that are included, each by its own evidence."""
+def attribute(search: Search, fit: Fit) -> Attribution:
+    """The attribution of a gap to an explanation's effects: those that are included, each by its own evidence."""
     rejected: dict[tuple[str, str], str] = {}
     store = search.store
     simple = removing.pruned(store, fit) if store.within_noise(fit) else _simplest(store, fit)
-    return _accounted(search, simple if store.admissible(simple) else fit, rejected)
+    return _eliminated(search, simple if store.admissible(simple) else fit, rejected)
 
 
-def without_effects(search: Search, before: Account, removed: dict[tuple[str, str], str]) -> Account:
-    """An account without some of its effects, the others fitted and judged again; removed : these, and why each is no
-    longer included."""
+def without_effects(search: Search, before: Attribution, removed: dict[tuple[str, str], str]) -> Attribution:
+    """An attribution without some of its effects, the others fitted and judged again.
+
+    removed : these effects, and why each is no longer included.
+    """
     store, kept = search.store, {cause: u for cause, u in before.fit.parts.items() if cause not in removed}
     if not kept:
-        return Account(
+        return Attribution(
             before.base, before.base, (), before.rejected | removed, (), _alternatives(store, before.base, [], [])
         )
-    return _accounted(search, store.try_fit(*joined(kept), before.fit), before.rejected | removed)
+    return _eliminated(search, store.try_fit(*joined(kept), before.fit), before.rejected | removed)
 
 
-def _accounted(search: Search, fit: Fit, rejected: dict[tuple[str, str], str]) -> Account:
-    """The account of an explanation, by backward elimination. Effects that are removed are added to `rejected`."""
+def _eliminated(search: Search, fit: Fit, rejected: dict[tuple[str, str], str]) -> Attribution:
+    """The attribution by backward elimination. Effects that are removed are added to `rejected`."""
     store = search.store
     while fit.hypothesis:
-        refitted = store.refined(removing.without(store, fit, *fit.hypothesis))
+        refitted = store.converged(removing.without(store, fit, *fit.hypothesis))
         effects = [_evidence_for(store, fit, cause, one) for cause, one in zip(fit.hypothesis, refitted)]
         exact = store.within_noise(fit)
         removed = (
@@ -108,7 +110,7 @@ def _accounted(search: Search, fit: Fit, rejected: dict[tuple[str, str], str]) -
         if removed is None:
             break
         one, rejected[one.cause] = removed
-        (fit,) = store.refined([one.refitted])
+        (fit,) = store.converged([one.refitted])
     else:
         effects = []
     base = _base(store)
@@ -117,9 +119,9 @@ def _accounted(search: Search, fit: Fit, rejected: dict[tuple[str, str], str]) -
         fit, effects = store.fits[()], []
     if not fit.hypothesis:
         fit = base
-    indistinguishable, rivals = lookalikes(search, fit, [(s.cause, s.refitted) for s in effects])
+    indistinguishable, rivals = practically_indistinguishable(search, fit, [(s.cause, s.refitted) for s in effects])
     effects.sort(key=lambda s: -s.gain)
-    return Account(
+    return Attribution(
         fit,
         base,
         tuple(effects),
@@ -132,7 +134,7 @@ def _accounted(search: Search, fit: Fit, rejected: dict[tuple[str, str], str]) -
 
 def _base(store: Store) -> Fit:
     """The fit without effects: nuisances refitted, or as declared where that predicts held-out runs better."""
-    problem, fit = store.problem, store.refitted()
+    problem, fit = store.problem, store.nuisances_only()
     return min((fit, declared(problem, fit)), key=lambda one: left_out_gap(problem, one))
 
 
@@ -141,7 +143,7 @@ def declared(problem: Problem, fit: Fit) -> Fit:
     return replace(
         fit,
         z=np.zeros_like(fit.z),
-        residual=problem.residual(problem.nominal.begun(fit.start)),
+        residual=problem.residual(problem.nominal.with_start(fit.start)),
         free=np.zeros_like(fit.free),
     )
 
@@ -149,8 +151,8 @@ def declared(problem: Problem, fit: Fit) -> Fit:
 def _simplest(store: Store, fit: Fit) -> Fit:
     """The explanation with effects in their simpler form, where cross-validation does not support the full form."""
     found = HeldOutScore.of(store.problem, fit)
-    for simple in sorted(store.try_fits(removing.plainer(store, fit), rough=True), key=store.score):
-        (simple,) = store.refined([simple])
+    for simple in sorted(store.try_fits(removing.simpler_forms(store, fit), rough=True), key=store.score):
+        (simple,) = store.converged([simple])
         one = HeldOutScore.of(store.problem, simple)
         if (
             store.admissible(simple)
@@ -164,7 +166,7 @@ def _simplest(store: Store, fit: Fit) -> Fit:
 def _forms_needed(store: Store, simple: Fit, judged: HeldOutScore, fit: Fit) -> bool:
     """Whether cross-validation supports each simpler form of an explanation's effects."""
     simpler = set(simple.hypothesis) - set(fit.hypothesis)
-    less = store.refined(removing.without(store, simple, *simpler))
+    less = store.converged(removing.without(store, simple, *simpler))
     return all(residual_ratio(judged, HeldOutScore.of(store.problem, one)) <= MAX_RESIDUAL_RATIO for one in less)
 
 
@@ -200,7 +202,7 @@ def _closest(store: Store, fit: Fit, without: Fit) -> tuple[Fit, float]:
     nuisances may give a larger gap, and so overrate the effect."""
     problem = store.problem
     kept = replace(without, z=fit.z, residual=problem.residual(without.model_at(problem, fit.z)))
-    tried = [without, kept, *([store.refitted()] if not without.hypothesis else [])]
+    tried = [without, kept, *([store.nuisances_only()] if not without.hypothesis else [])]
     gaps = [problem.gap_as_fitted(f.model(problem)) for f in tried]
     k = min(range(len(tried)), key=gaps.__getitem__)
     return tried[k], gaps[k]

@@ -16,12 +16,12 @@ ROUGH_FACTORS = tuple(sorted({*np.geomspace(0.125, 8.0, 25), 0.88, 0.92, 0.96, 1
 ROUNDS = 3
 
 
-def polished(store: Store, fit: Fit, causes: Iterable[tuple[str, str]]) -> Fit:
+def refine_locally(store: Store, fit: Fit, causes: Iterable[tuple[str, str]]) -> Fit:
     """The lowest optimum found about those of some effects: each round looks about the last one, so it fits."""
     for cause in causes:
         for values in store.effects[cause[0]].restarts if not store.within_noise(fit) else ():
             restart = Proposal.of({**fit.parts, cause: scaled(store.effects, (cause,), [dict(values)])}, fit)
-            if store.reached([restart], rough=True)[0] < store.score(fit) + FAR:
+            if store.scores_of([restart], rough=True)[0] < store.score(fit) + FAR:
                 fit = store.try_fits([restart])[0]
         for _ in range(ROUNDS):
             moved = min(store.try_fits(lower(store, fit, cause)), key=store.score, default=fit)

@@ -2,7 +2,7 @@
 
 Each effect's file names the others and the condition on the runs (`conditions`). Look-alikes that follow from the sizes
 met (bridge drop and dead zone while voltage and current agree in sign) are found by fitting them in each other's place,
-see `account`.
+see `practically_indistinguishable`.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def _holding(case: Case, cause: Cause, *tables: Mapping[str, Condition]) -> list
     return found
 
 
-def indistinguishable(case: Case, cause: Cause, included: Iterable[Cause] = ()) -> list[Cause]:
+def structurally_indistinguishable(case: Case, cause: Cause, included: Iterable[Cause] = ()) -> list[Cause]:
     """The other effects that explain these runs as well, by the same replays, each on the member's side.
 
     `included`: the other effects of the explanation; the friction among them makes more effects indistinguishable.

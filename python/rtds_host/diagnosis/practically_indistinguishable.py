@@ -8,11 +8,11 @@ from rtds_host.diagnosis.choice import EQUIVALENT_GAP_RATIO, HeldOutScore
 from rtds_host.diagnosis.evidence import distinguishable, enough_to_include, likelihood_gain
 from rtds_host.diagnosis.fit import Fit, Proposal, scaled
 from rtds_host.diagnosis.gap import LEAST
-from rtds_host.diagnosis.indistinguishable import indistinguishable, nearly_indistinguishable
 from rtds_host.diagnosis.screen import Candidate, available, clashes, start_values
 from rtds_host.diagnosis.search.driver import Search
 from rtds_host.diagnosis.search.moves import exchanging, renaming
 from rtds_host.diagnosis.search.store import Store
+from rtds_host.diagnosis.structurally_indistinguishable import nearly_indistinguishable, structurally_indistinguishable
 from rtds_host.diagnosis.thresholds import MINOR_SHARE
 
 Cause = tuple[str, str]
@@ -20,7 +20,7 @@ Cause = tuple[str, str]
 LARGEST_SET = 3
 
 
-def lookalikes(
+def practically_indistinguishable(
     search: Search, fit: Fit, included: Iterable[tuple[Cause, Fit]]
 ) -> tuple[tuple[tuple[Cause, ...], ...], list[Fit]]:
     """Effects that take an included one's place and fit as well, and the fits that show it.
@@ -39,9 +39,12 @@ def lookalikes(
     for one, without in included:
         inherent, near = (
             [cause for cause in equals if cause[0] in there and not clashes(cause, fit.hypothesis)]
-            for equals in (indistinguishable(case, one, fit.hypothesis), nearly_indistinguishable(case, one))
+            for equals in (
+                structurally_indistinguishable(case, one, fit.hypothesis),
+                nearly_indistinguishable(case, one),
+            )
         )
-        swaps, further = swaps_of(search, fit, one, without), {}
+        swaps, further = substitutes_for(search, fit, one, without), {}
         known = {cause for cause in swaps if cause in near or cause[0] in store.effects[one[0]].confused_with}
         fitting = _fitting(store, fit, swaps, known)
         # What a look-alike is confused with may be one, too: the motor's constant for viscous friction, and a gain for
@@ -94,7 +97,7 @@ def _possible(store: Store, fit: Fit, one: Cause, without: Fit, cause: Cause, me
     rough = store.try_fits(begun, rough=True)
     if not rough:
         return False
-    return fits(*store.refined([min(rough, key=store.score)]))
+    return fits(*store.converged([min(rough, key=store.score)]))
 
 
 def _fitting(
@@ -134,7 +137,7 @@ def _further(search: Search, one: Cause, without: Fit, like: Iterable[Cause]) ->
     wanted = {
         renaming.in_place(store, other, cause) for cause in like for other in store.effects[cause[0]].confused_with
     }
-    if not wanted or search.limits.account_over_budget():
+    if not wanted or search.limits.attribution_over_budget():
         return {}
     # What holds the effect is the same with a further parameter, for no better fit.
     return {
@@ -144,17 +147,17 @@ def _further(search: Search, one: Cause, without: Fit, like: Iterable[Cause]) ->
     }
 
 
-def swaps_of(search: Search, fit: Fit, one: Cause, without: Fit) -> dict[Cause, Fit]:
-    """What might be there in an effect's place, each with the fit that has it there: its namesakes, what a screening
+def substitutes_for(search: Search, fit: Fit, one: Cause, without: Fit) -> dict[Cause, Fit]:
+    """What might be there in an effect's place, each with the fit that has it there: its substitutes, what a screening
     without it promises, and what the search met."""
     store = search.store
-    swaps = renaming.namesakes(store, fit, one)
+    swaps = renaming.substitutes(store, fit, one)
 
     def other(cause: Cause) -> bool:
         # What holds the effect is the same with a further parameter, for no better fit.
         return cause not in swaps and one[0] not in store.effects[cause[0]].contains
 
-    if not search.limits.account_over_budget():
+    if not search.limits.attribution_over_budget():
         for rival in exchanging.rivals(store, search.screening.screens(store, without), one, LARGEST_SET):
             if other(rival.cause):
                 swaps[rival.cause] = exchanging.swapped(store, fit, without, rival)
