@@ -516,7 +516,7 @@ def test_a_restart_that_is_far_behind_in_a_rough_fit_is_left(monkeypatch, behind
     )
     store, tried = search.store, []
     monkeypatch.setattr(store, "within_noise", lambda fit: False)
-    monkeypatch.setattr(store, "reached", lambda proposals, rough: [store.score(fit) + FAR + behind])
+    monkeypatch.setattr(store, "scores_of", lambda proposals, rough: [store.score(fit) + FAR + behind])
     monkeypatch.setattr(refining, "lower", lambda store, fit, cause: [])
     monkeypatch.setattr(store, "try_fits", lambda proposals: [tried.append(one) or fit for one in proposals])
     refining.refine_locally(search.store, fit, [cause])
@@ -858,7 +858,7 @@ def test_an_account_that_has_done_as_much_again_looks_for_no_look_alike_that_was
         fit = search.run()
         (found,) = fit.hypothesis
         assert not search.limits.ended
-        monkeypatch.setattr(search.limits, "account_until", share * search.problem.work)
+        monkeypatch.setattr(search.limits, "attribution_until", share * search.problem.work)
         screened.clear()
         alike, _ = practically_indistinguishable(search, fit, [(found, search.store.fits[()])])
         assert bool(screened) is not ended and search.limits.ended is ended
