@@ -10,7 +10,7 @@ import numpy as np
 from rtds_host.contract import GRAVITY_M_S2, Motor, Robot
 from rtds_host.correction import layer
 from rtds_host.correction.correction import Correction
-from rtds_host.correction.formed import NOTHING, Acting, Formed, mean_current
+from rtds_host.correction.formed import NOTHING, Acting, Formed, currents_over
 from rtds_host.errors import InputError
 from rtds_host.link import Link
 from rtds_host.motor.effects import MotorParameters, UnitEffects
@@ -140,8 +140,8 @@ class Coupler:
         self.now = 0.0
         self.formed, self.acting = Formed(robot, body, correction), NOTHING
         self.in_force = np.zeros(2)
-        # Commands and when they were given; before the first none.
-        self._past: list[tuple[float, np.ndarray]] = [(-np.inf, np.zeros(2))]
+        # Commands, when they were given, and the voltages that they make; before the first none.
+        self._past: list[tuple[float, np.ndarray, np.ndarray]] = [(-np.inf, np.zeros(2), np.zeros(2))]
 
     def _rotor(self, robot: Robot, unit: UnitEffects) -> list[float]:
         m: MotorParameters | Motor = unit.motor or robot.motor
@@ -169,19 +169,22 @@ class Coupler:
             out[k] = min(max(out[k], -unit.limit_v), unit.limit_v)
         return out
 
-    def _schedule(self, pieces: list[Piece]) -> np.ndarray:
-        """Voltages (n, 2) at the motors for each step of the layer: those asked for, late by the command's delay."""
+    def _schedule(self, pieces: list[Piece], turned: list[np.ndarray]) -> np.ndarray:
+        """Voltages (n, 2) at the motors for each step of the layer: those asked for, late by the command's delay.
+
+        turned : (2,) V that each piece adds by its history.
+        """
         start = now = self.now
-        for volts, seconds in pieces:
-            self._past.append((now, np.array(volts, dtype=float)))
+        for (volts, seconds), more in zip(pieces, turned, strict=True):
+            self._past.append((now, np.array(volts, dtype=float), self._bridge(volts) + more))
             now += seconds
         count = round((now - start) / LAYER_S)
         late = start - self.delay_s
         # Whatever is older than the oldest command that still counts.
         while len(self._past) > 1 and self._past[1][0] <= late + 1e-9:
             self._past.pop(0)
-        times = [t for t, _ in self._past]
-        values = np.array([self._bridge(v) if t <= now - self.delay_s else np.zeros(2) for t, v in self._past])
+        times = [t for t, _, _ in self._past]
+        values = np.array([made for _, _, made in self._past])
         index = np.searchsorted(times, late + (np.arange(count) + 0.5) * LAYER_S, side="right") - 1
         self.now = now
         self.in_force = self._past[max(int(np.searchsorted(times, now - self.delay_s - 1e-9, side="left")) - 1, 0)][1]
@@ -202,11 +205,15 @@ class Coupler:
         total_s = sum(seconds for _, seconds in pieces)
         steps = round(total_s / STEP_S)
         start_s = self.now
-        volts = self._schedule(pieces)
+        turned = [self.formed.turned(asked) for asked, _ in pieces]
+        volts = self._schedule(pieces, turned)
         acting = self._acting(start_s, total_s, volts)
         if self.formed.any:
             volts = volts + acting.volts
-            pieces = [(self.formed.sent(asked, acting.volts), seconds) for asked, seconds in pieces]
+            pieces = [
+                (self.formed.sent(asked, acting.volts + more), seconds)
+                for (asked, seconds), more in zip(pieces, turned, strict=True)
+            ]
         self.acting = acting
         scrub, outside = self.scrub + acting.scrub, self.external + acting.against
         if self.predict:
@@ -248,6 +255,8 @@ class Coupler:
             predicted = torque + self.reflected * (self.acceleration - expected) if self.reflected.any() else torque
             self.shortfall = np.where(self.known == layer.DRIVEN, behind, happened - predicted)
         self.load = happened
+        if self.formed.any:
+            self.formed.carry(happened, total_s)
         return motion
 
     def _acting(self, start_s: float, seconds: float, volts: np.ndarray) -> Acting:
@@ -255,11 +264,13 @@ class Coupler:
         if not self.formed.any:
             return NOTHING
         # Forms of the exchange before drive the current, too.
-        known = volts.mean(axis=0) + self.offset_v + self.acting.volts
-        amps = mean_current(self.rotor, self.current, known, self.speed, seconds)
+        known = volts + self.offset_v + self.acting.volts
+        h = seconds / len(volts)
+        speeds = self.speed + (np.arange(len(volts))[:, None] + 0.5) * h * self.acceleration
+        amps = currents_over(self.rotor, self.current, known, speeds, h)
         pose = self.engine.state()
         place = pose.x_m, pose.y_m, pose.yaw_rad
-        return self.formed.at(start_s, seconds, self.rotor, self.state, amps, self.in_force, place)
+        return self.formed.at(start_s, seconds, self.rotor, self.state, amps, speeds, self.in_force, place)
 
     def load_of(self, acceleration: np.ndarray) -> np.ndarray:
         """Torques (2,) N m that the wheels take at an `acceleration` (2,) rad/s² behind a rigid gear."""

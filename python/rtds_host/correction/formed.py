@@ -2,7 +2,7 @@
 
 The equations are the replay's (`rtds_host.plant.forms.act`), taken once an exchange in its middle. Torques load the
 motors, forces on the body load the wheels, dry friction against turning joins the scrub. A voltage is sent as the
-command whose bridge voltage is larger by it.
+command whose bridge voltage is larger by it, and so is what a change of the torque constant takes off the back-EMF.
 """
 
 from __future__ import annotations
@@ -56,14 +56,20 @@ class Formed:
         self.delay_s = correction.supply.command_delay_s if correction else 0.0
         if not self.any or correction is None:
             return
-        # A voltage acts when its command does, all else now.
+        # A voltage acts when its command does, all else now. One over the command's history is known as it is asked.
         volts = rows[:, :, forms.TERM] == _CODE["voltage"]
-        self.late, self.prompt = rows.copy(), rows
-        self.late[~volts] = 0.0
+        turns = rows[:, :, forms.OVER] == forms.OVER_CODE["command_history"]
+        self.turning, self.late, self.prompt = rows.copy(), rows.copy(), rows.copy()
+        self.turning[~(volts & turns)] = 0.0
+        self.late[~volts | turns] = 0.0
         self.prompt[volts] = 0.0
+        # What a side remembers of commands as they are asked, and of those in force.
+        self.asked, self.past = np.zeros((2, forms.PAST)), np.zeros((2, forms.PAST))
+        # What runs over the current follows it through an exchange, in which it settles.
+        self.settles = bool((self.prompt[:, :, forms.OVER] == forms.OVER_CODE["i"]).any())
         self.inverse: list[tuple[np.ndarray, np.ndarray] | None] = [None, None]
         for k in (0, 1):
-            if volts[k].any():
+            if (volts[k] | (rows[k, :, forms.TERM] == _CODE["torque_constant"])).any():
                 self.inverse[k] = _inverse(correction.units[k].command, robot.name)
 
     def at(
@@ -73,6 +79,7 @@ class Formed:
         rotor: np.ndarray,
         state: np.ndarray,
         currents: np.ndarray,
+        speeds: np.ndarray,
         asked: np.ndarray,
         place: tuple[float, float, float],
     ) -> Acting:
@@ -80,8 +87,9 @@ class Formed:
 
         Parameters
         ----------
-        now, seconds : s, its start and length. rotor, state : as of `layer.integrate`, at its start. currents : (2,) A,
-        the expected mean over it. asked : (2,) V, commands in force. place : x m, y m, yaw rad.
+        now, seconds : s, its start and length. rotor, state : as of `layer.integrate`, at its start. currents : (n, 2)
+        A and speeds : (n, 2) rad/s, of the rotors, as expected over it, means of n equal parts. asked : (2,) V,
+        commands in force. place : x m, y m, yaw rad.
         """
         if not self.any:
             return NOTHING
@@ -90,22 +98,52 @@ class Formed:
         rate, speed = float(self.lever @ ground), 0.5 * float(self.radius @ ground)
         about[_ABOUT["yaw_rate"]], about[_ABOUT["speed"]], about[_ABOUT["speed_yaw_rate"]] = rate, speed, speed * rate
         about[_ABOUT["x"]], about[_ABOUT["y"]], about[_ABOUT["yaw"]] = place
-        acts, prompt, late = np.zeros((2, forms.ACTS)), np.zeros((2, forms.ACTS)), np.zeros(forms.ACTS)
+        acts, part, late = np.zeros((2, forms.ACTS)), np.zeros(forms.ACTS), np.zeros(forms.ACTS)
+        mean, drive = currents.mean(axis=0), np.zeros(2)
+        emf = np.zeros(2)
+        if not self.settles:
+            currents, speeds = mean[None, :], speeds.mean(axis=0)[None, :]
         for k in (0, 1):
-            about[_ABOUT["v_cmd"]], about[_ABOUT["i"]] = asked[k], currents[k]
+            forms.follow(self.prompt[k], asked[k], self.past[k])
+            about[_ABOUT["v_cmd"]], about[_ABOUT["i"]] = asked[k], mean[k]
+            about[_ABOUT["command_history"]] = self.past[k, forms.WAY] * abs(asked[k])
+            about[_ABOUT["load"]] = self.past[k, forms.CARRIED]
             about[_ABOUT["w"]] = state[k, layer.ROTOR]
             angle = self.angles[k] + 0.5 * seconds * state[k, layer.WHEEL]
             about[_ABOUT["th"]], about[_ABOUT["motor_angle"]] = angle, self.gear * angle
             about[_ABOUT["t"]] = now + 0.5 * seconds
-            forms.act(self.prompt[k], about, prompt[k])
+            for current, turns in zip(currents[:, k], speeds[:, k], strict=True):
+                about[forms.MEAN_I] = current
+                forms.act(self.prompt[k], about, part)
+                acts[k] += part / len(currents)
+                drive[k] += rotor[k, layer.KM] * part[forms.CONSTANT] * current / len(currents)
+                emf[k] += forms.back_emf(part, rotor[k, layer.KB], turns) / len(currents)
             about[_ABOUT["t"]] += self.delay_s
             forms.act(self.late[k], about, late)
-            acts[k] = prompt[k]
-            acts[k, forms.VOLTS] = late[forms.VOLTS]
-        drive = acts[:, forms.DRIVE] + rotor[:, layer.KM] * acts[:, forms.CONSTANT] * currents
+            acts[k, forms.VOLTS] = late[forms.VOLTS] + emf[k]
+            drive[k] += acts[k, forms.DRIVE] - _rubs(acts[k], rotor[k, layer.INERTIA], state[k, layer.ROTOR], seconds)
         push, turn = acts[0, forms.PUSH], acts[0, forms.TURN]
         against = -(0.5 * self.radius * push + self.lever * turn)
         return Acting(drive, acts[:, forms.VOLTS], against, float(acts[0, forms.SCRUB]))
+
+    def turned(self, asked: np.ndarray) -> np.ndarray:
+        """What a command that is asked for adds by its history, (2,) V at the nominal bus; asked : (2,) V, clipped."""
+        more = np.zeros(2)
+        if not self.any:
+            return more
+        about, acts = np.zeros(forms.ABOUT), np.zeros(forms.ACTS)
+        for k in (0, 1):
+            forms.follow(self.turning[k], asked[k], self.asked[k])
+            about[_ABOUT["v_cmd"]] = asked[k]
+            about[_ABOUT["command_history"]] = self.asked[k, forms.WAY] * abs(asked[k])
+            forms.act(self.turning[k], about, acts)
+            more[k] = acts[forms.VOLTS]
+        return more
+
+    def carry(self, delivered: np.ndarray, seconds: float) -> None:
+        """Follow the loads: delivered : (2,) N·m, what the gears delivered over the exchange before."""
+        for k in (0, 1):
+            self.past[k, forms.CARRIED] = forms.carried(self.past[k, forms.CARRIED], delivered[k], seconds)
 
     def sent(self, volts: np.ndarray, more: np.ndarray) -> np.ndarray:
         """Commands (2,) V whose bridge voltages exceed those of `volts` by `more`, V at the nominal bus."""
@@ -121,11 +159,30 @@ class Formed:
         self.angles = self.angles + (0.5 * width * (speeds[1:] + speeds[:-1])).sum(axis=0)
 
 
-def mean_current(rotor: np.ndarray, current: np.ndarray, volts: np.ndarray, speed: np.ndarray, seconds: float):
-    """Mean current (2,) A over an exchange by the armature's equation at a steady speed; volts : (2,) V."""
-    settled = (volts - rotor[:, layer.KB] * speed) / rotor[:, layer.RESISTANCE]
-    tau = rotor[:, layer.INDUCTANCE] / rotor[:, layer.RESISTANCE] / seconds
-    return settled + (current - settled) * tau * -np.expm1(-1.0 / np.maximum(tau, 1e-9))
+def _rubs(acts: np.ndarray, inertia: float, speed: float, seconds: float) -> float:
+    """Torque, N·m, by which dry friction over the load acts against a rotor's speed, rad/s, over an exchange.
+
+    It has no table of a unit, which could hold the wheel: it is at most what would stop the rotor alone.
+    """
+    level = acts[forms.FORWARD] if speed > 0.0 else acts[forms.BACKWARD]
+    return float(np.sign(speed)) * min(float(level), inertia * abs(speed) / seconds)
+
+
+def currents_over(
+    rotor: np.ndarray, current: np.ndarray, volts: np.ndarray, speeds: np.ndarray, seconds: float
+) -> np.ndarray:
+    """Mean currents (n, 2) A of n steps of an exchange, by the armature's equation at the speed of each.
+
+    current : (2,) A at its start; volts : (n, 2) V; speeds : (n, 2) rad/s; seconds : s, of a step.
+    """
+    settled = (volts - rotor[:, layer.KB] * speeds) / rotor[:, layer.RESISTANCE]
+    tau = np.maximum(rotor[:, layer.INDUCTANCE] / rotor[:, layer.RESISTANCE] / seconds, 1e-9)
+    fades = np.exp(-1.0 / tau)
+    found = np.empty_like(settled)
+    for n, end in enumerate(settled):
+        found[n] = end + (current - end) * tau * (1.0 - fades)
+        current = end + (current - end) * fades
+    return found
 
 
 def _inverse(command: Curve | None, name: str) -> tuple[np.ndarray, np.ndarray]:
@@ -145,11 +202,12 @@ def _inverse(command: Curve | None, name: str) -> tuple[np.ndarray, np.ndarray]:
     return x, y
 
 
-def needs_command(rows: np.ndarray) -> float:
-    """The largest voltage, V, by which forms of a side (MOST_FORMS, WIDTH) move a command beyond the supply; 0 for
-    none."""
-    mine = rows[rows[:, forms.TERM] == _CODE["voltage"]]
-    return float(np.abs(mine[:, forms.VALUES :]).max()) if len(mine) else 0.0
+def needs_command(rows: np.ndarray, supply: float) -> float:
+    """The largest voltage, V, by which forms of a side (MOST_FORMS, WIDTH) move a command beyond the supply, V; 0 for
+    none. A back-EMF is at most about the supply."""
+    sizes = np.abs(rows[:, forms.VALUES :]).max(axis=1)
+    volts, constant = (rows[:, forms.TERM] == _CODE[name] for name in ("voltage", "torque_constant"))
+    return float(np.max(sizes * (volts + supply * constant)))
 
 
 def beyond(command: Curve | None, supply: float, more: float) -> Curve:

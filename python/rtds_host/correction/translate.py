@@ -250,7 +250,7 @@ def _placed(unit: UnitEffects, rows: np.ndarray, robot: Robot, n: float, supply:
         else:
             unit = held
         between[k] = 0.0
-    if (more := formed.needs_command(between)) > 0.0:
+    if (more := formed.needs_command(between, supply)) > 0.0:
         unit = replace(unit, command=formed.beyond(unit.command, supply, more))
     return _Placed(unit, between, sensors)
 

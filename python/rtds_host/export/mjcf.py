@@ -124,13 +124,18 @@ def formed(figures: Figures, term: str, over: str | None = None) -> bool:
 
 
 def most_v(figures: Figures, k: int) -> float:
-    """Largest control of a side, V: its limit, and what forms of its voltage add to the supply."""
+    """Largest control of a side, V: its limit, and what forms of its voltage and its back-EMF add to the supply."""
     side = figures.sides[k]
-    if not formed(figures, "voltage") or side.voltage_gain == 0.0:
+    if not (formed(figures, "voltage") or formed(figures, "torque_constant")) or side.voltage_gain == 0.0:
         return figures.limit_v(side)
     rows, gain = figures.forms[k], abs(side.voltage_gain)
-    mine = rows[rows[:, forms.TERM] == forms.TERM_CODE["voltage"], forms.VALUES :]
-    return min(figures.supply_v + float(abs(mine).sum(axis=0).max(initial=0.0)) / gain, side.limit_v / gain)
+    # A back-EMF is at most about the supply.
+    each = (("voltage", 1.0), ("torque_constant", figures.supply_v))
+    more = [
+        unit * abs(rows[rows[:, forms.TERM] == forms.TERM_CODE[term], forms.VALUES :]).sum(axis=0).max(initial=0.0)
+        for term, unit in each
+    ]
+    return min(figures.supply_v + float(sum(more)) / gain, side.limit_v / gain)
 
 
 def _motor(figures: Figures, k: int, actuator: str) -> str:
@@ -292,6 +297,7 @@ def _numbers(figures: Figures, actuator: str) -> dict[str, tuple[float, ...]]:
             "gear_ratio": ((figures.gear_ratio,), None),
             "winding_ohm": (both("resistance_ohm"), None),
             "torque_per_current_nm_per_a": (both("gear_nm_per_a"), None),
+            "back_emf_v_s_per_rad": (both("back_emf_v_s_per_rad"), None),
         }
         for name, rows in zip(SIDES, figures.forms, strict=True):
             for n, row in enumerate(rows):
@@ -312,9 +318,16 @@ def forms_source() -> str:
     return alone(mjcf_forms, "class Forms:", (forms.curve, forms.branch), (form_constants(),))
 
 
+# What `Forms` uses.
+LAWS_OF_FORMS = (
+    *(forms.curve, forms.branch, forms.act, forms.back_emf, forms.follow, forms.carried),
+    *(forms.reads, forms.turns_read),
+)
+
+
 def _form_sources() -> list[str]:
     """Source of what `Forms` uses."""
-    return [form_constants(), *source_of((forms.curve, forms.branch, forms.act, forms.reads, forms.turns_read))]
+    return [form_constants(), *source_of(LAWS_OF_FORMS)]
 
 
 def write(figures: Figures, comment: str, actuator: str = "general") -> str:

@@ -18,31 +18,40 @@ from rtds_host.plant.forms import (
     ABOUT,
     ACTS,
     BACKWARD,
+    CARRIED,
     CONSTANT,
     DRIVE,
     FLUID,
     FORWARD,
     MOST_FORMS,
     OVER_CODE,
+    PAST,
     PUSH,
     SCRUB,
     TERM_CODE,
     TURN,
     VALUES,
     VOLTS,
+    WAY,
     act,
+    back_emf,
+    carried,
+    follow,
     reads,
     turns_read,
 )
 
 I_READ = TERM_CODE["current_sensor"], OVER_CODE["i"]
 W_READ = TERM_CODE["speed_sensor"], OVER_CODE["w"]
+OVER_LOAD = OVER_CODE["load"]
 POINTS, WIDTH = 14, VALUES + 14
 # laws: end
 
 
 class Forms:
     """The curves of one simulation. It changes the model's dry friction: each simulation needs a model of its own."""
+
+    FRICTION_DOF = 1  # mjCNSTR_FRICTION_DOF
 
     def __init__(self, model):
         numbers = {model.numeric(k).name: [float(v) for v in model.numeric(k).data] for k in range(model.nnumeric)}
@@ -51,12 +60,14 @@ class Forms:
         self.rows = [
             [numbers.get(f"form_{side}_{n + 1}", nothing) for n in range(MOST_FORMS)] for side in ("left", "right")
         ]
-        self.acts = [[0.0] * ACTS, [0.0] * ACTS]
+        self.acts, self.past = [[0.0] * ACTS, [0.0] * ACTS], [[0.0] * PAST, [0.0] * PAST]
+        self.loaded = any(row[1] == OVER_LOAD for rows in self.rows for row in rows)
         if not self.any:
             return
         self.ohm, self.made = numbers["winding_ohm"], [0.0, 0.0]
         self.ratio = numbers["gear_ratio"][0]
         self.torque_per_a = numbers["torque_per_current_nm_per_a"]
+        self.emf = numbers["back_emf_v_s_per_rad"]
         self.wheels = [model.joint("wheel_" + side) for side in ("left", "right")]
         names = [model.joint(k).name for k in range(model.njnt)]
         self.gears = [model.joint("gear_" + side) if "gear_" + side in names else None for side in ("left", "right")]
@@ -79,7 +90,7 @@ class Forms:
         yaw = 2.0 * math.atan2(z, w)
         speed = float(data.qvel[dof]) * math.cos(yaw) + float(data.qvel[dof + 1]) * math.sin(yaw)
         rate, about = float(data.qvel[dof + 5]), [0.0] * ABOUT
-        about[7:] = speed, float(data.time), x, y, yaw
+        about[9:14] = speed, float(data.time), x, y, yaw
         for k, wheel in enumerate(self.wheels):
             turns = float(data.qvel[int(wheel.dofadr[0])])
             angle = float(data.qpos[int(wheel.qposadr[0])])
@@ -87,8 +98,14 @@ class Forms:
             if gear is not None:
                 angle += float(data.qpos[int(gear.qposadr[0])])
             current, self.made[k] = settled(self.rows[k], self.ohm[k], currents[k], self.made[k])
-            about[:7] = asked[k], current, turns, rate, angle, self.ratio * angle, speed * rate
+            past = self.past[k]
+            follow(self.rows[k], asked[k], past)
+            if self.loaded:
+                past[CARRIED] = carried(past[CARRIED], self._delivered(data, k), self.model.opt.timestep)
+            about[:6] = asked[k], past[WAY] * abs(asked[k]), current, turns, past[CARRIED], rate
+            about[6:9], about[14] = (angle, self.ratio * angle, speed * rate), current
             act(self.rows[k], about, self.acts[k])
+            self.acts[k][VOLTS] += back_emf(self.acts[k], self.emf[k], turns)
             self._load(data, k, turns, current, self.still[k] if still is None else still[k])
         push = self.acts[0][PUSH]
         data.qfrc_applied[dof] = push * math.cos(yaw)
@@ -110,6 +127,16 @@ class Forms:
         drive = acts[DRIVE] - acts[FLUID] * turns + self.torque_per_a[k] * acts[CONSTANT] * current
         # A level below none drives on what turns.
         data.qfrc_applied[dof] = drive - math.copysign(min(level, 0.0), turns)
+
+    def _delivered(self, data, k):
+        """Torque that a gear delivered to its wheel in the last step, N m: all that acts on the rotor, less what
+        accelerates it."""
+        dof, friction = int(self.wheels[k].dofadr[0]), 0.0
+        for row in range(data.ne, data.ne + data.nf):
+            if int(data.efc_id[row]) == dof and int(data.efc_type[row]) == self.FRICTION_DOF:
+                friction = float(data.efc_force[row])
+        acts = float(data.qfrc_actuator[dof]) + float(data.qfrc_applied[dof]) + float(data.qfrc_passive[dof])
+        return acts + friction - float(self.model.dof_armature[dof]) * float(data.qacc[dof])
 
     def told(self, k, speed):
         """A reported wheel speed, rad/s, with what curves add to it."""

@@ -39,9 +39,11 @@ FORM_CONSTANTS = (
         "_FIRST_TURN",
         "_LAST_TURN",
     ),
-    *("_TORQUE", "_VOLTAGE", "_CONSTANT", "_FORCE", "_YAW", "_W", "_RATE", "_HEADING", "_TIME", "_GYRO"),
+    *("_TORQUE", "_VOLTAGE", "_CONSTANT", "_FORCE", "_YAW", "_GYRO"),
+    *("_V", "_HISTORY", "_I", "_W", "_LOAD", "_RATE", "_HEADING", "_TIME"),
+    *("EXTREME", "WAY", "CARRIED", "PAST", "TURNS_BY", "LOAD_S"),
     *("DRIVE", "FORWARD", "BACKWARD", "FLUID"),
-    *("VOLTS", "CONSTANT", "PUSH", "TURN", "SCRUB", "ACTS", "ABOUT"),
+    *("VOLTS", "CONSTANT", "PUSH", "TURN", "SCRUB", "ACTS", "ABOUT", "MEAN_I"),
 )
 READINGS = ("I_READ", "W_READ")
 # Nobody commands more.
@@ -119,7 +121,7 @@ def rows_of(figures: Figures) -> list[list[list[float]]] | None:
 def form_constants() -> str:
     """Source of the constants that the functions of forms use, and of `settled`."""
     there = {**{name: getattr(forms, name) for name in FORM_CONSTANTS}, **{n: getattr(standalone, n) for n in READINGS}}
-    there["V_OVER_I"] = settled.V_OVER_I
+    there["V_OVER_I"], there["OVER_LOAD"] = settled.V_OVER_I, forms.OVER_CODE["load"]
     constants = "\n".join(f"{name} = {value!r}" for name, value in there.items())
     return f"{constants}\n\n\n{inspect.getsource(settled.settled).rstrip()}"
 

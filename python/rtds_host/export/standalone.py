@@ -21,17 +21,22 @@ from rtds_host.plant.forms import (
     ABOUT,
     ACTS,
     BACKWARD,
+    CARRIED,
     CONSTANT,
     DRIVE,
     FLUID,
     FORWARD,
     OVER_CODE,
+    PAST,
     PUSH,
     SCRUB,
     TERM_CODE,
     TURN,
     VOLTS,
+    WAY,
     act,
+    carried,
+    follow,
     reads,
     turns_read,
 )
@@ -79,6 +84,7 @@ class Robot:
         self.forms = p.get("forms") or []
         self.acts = [[0.0] * ACTS, [0.0] * ACTS]
         self.made = [0.0, 0.0]
+        self.past = [[0.0] * PAST, [0.0] * PAST]
         self.mass = p["mass_kg"] + payload_kg
         self.slope = slope_rad + p["slope_extra_rad"]
         self.uphill = uphill_yaw_rad
@@ -195,8 +201,11 @@ class Robot:
             angle = self.th[k] + 0.5 * h * self.w[k]
             ohm = warm(self.p["resistance_ohm"][k], self.rise[k])
             current, self.made[k] = settled(self.forms[k], ohm, self.i[k], self.made[k])
-            about[:7] = asked[k], current, self.w[k], rate, angle, self.p["gear_ratio"] * angle, speed * rate
-            about[7:] = speed, self.t, self.x, self.y, self.yaw
+            past = self.past[k]
+            follow(self.forms[k], asked[k], past)
+            about[:6] = asked[k], past[WAY] * abs(asked[k]), current, self.w[k], past[CARRIED], rate
+            about[6:9] = angle, self.p["gear_ratio"] * angle, speed * rate
+            about[9:] = speed, self.t, self.x, self.y, self.yaw, current
             act(self.forms[k], about, self.acts[k])
 
     def advance(self, h):
@@ -206,11 +215,14 @@ class Robot:
         drawn = sum(bus_current(self.i[k], clipped(asked[k], top), top) for k in (0, 1))
         if self.forms:
             self._act([clipped(volts, top) for volts in asked], h)
-        gear = [p["gear_nm_per_a"][k] * (1.0 + self.acts[k][CONSTANT]) for k in (0, 1)]
+        gear, ke = (
+            [p[name][k] * (1.0 + self.acts[k][CONSTANT]) for k in (0, 1)]
+            for name in ("gear_nm_per_a", "back_emf_v_s_per_rad")
+        )
         self.bus = top - p["decline_v_per_s"] * self.t - p["source_resistance_ohm"] * drawn
         a = [[self.inertia[j][k] for k in (0, 1)] for j in (0, 1)]
         b = [sum(a[j][k] * w[k] for k in (0, 1)) for j in (0, 1)]
-        volts, ohm, ke, fluid = [0.0, 0.0], [0.0, 0.0], p["back_emf_v_s_per_rad"], [0.0, 0.0]
+        volts, ohm, fluid, extra = [0.0, 0.0], [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]
         for k in (0, 1):
             level = (self._volts(asked[k], k) + self.acts[k][VOLTS]) * self.bus / top
             volts[k] = winding_voltage(level, ke[k] * w[k], p["limit_v"][k], p["drop_v"][k])
@@ -219,9 +231,9 @@ class Robot:
             fluid[k] += self.acts[k][FLUID]
             # Half implicit: the middle of the step, of second order.
             damping = gear[k] * ke[k] / ohm[k] + fluid[k]
-            extra = shaped_torque(self.th[k] + 0.5 * h * w[k], w[k], p, k, math.sin) + self.acts[k][DRIVE]
+            extra[k] = shaped_torque(self.th[k] + 0.5 * h * w[k], w[k], p, k, math.sin) + self.acts[k][DRIVE]
             a[k][k] += 0.5 * h * damping
-            b[k] += h * (gear[k] * volts[k] / ohm[k] + extra - 0.5 * damping * w[k])
+            b[k] += h * (gear[k] * volts[k] / ohm[k] + extra[k] - 0.5 * damping * w[k])
         speed, rate = self.forward[0] * w[0] + self.forward[1] * w[1], self._rate()
         heading = self.yaw + 0.5 * h * rate - self.uphill
         pull = along_slope(self.mass, self.slope, math.sin)
@@ -242,6 +254,9 @@ class Robot:
                 self.rise[k] = warmer(self.rise[k], h, heat, slow, current, ohm[k])
             torque = gear[k] * current - fluid[k] * mean - p["rotor_kg_m2"][k] * (new[k] - w[k]) / h
             self.load[k] = max(abs(torque), abs(torque + impulses[k] / h))
+            if self.forms:
+                delivered = torque + extra[k] + impulses[k] / h
+                self.past[k][CARRIED] = carried(self.past[k][CARRIED], delivered, h)
             tau = p["speed_filter_s"][k]
             if tau > 0.0:
                 self.filtered[k] = low_pass(self.filtered[k], new[k], w[k], h, tau, math.exp(-h / tau))

@@ -24,7 +24,8 @@ WIDTH = VALUES + POINTS
 
 # Rows are arrays or lists: exports have the same functions in plain Python (`rtds_host.export.python`).
 # Terms, from 1 (0: no form), with their units. Torques are at the wheel and drive forwards; `voltage` is at the nominal
-# bus behind the driver; `torque_constant` is relative; sensors add to what is reported.
+# bus behind the driver; `torque_constant` is relative, and the back-EMF changes by the same share; sensors add to what
+# is reported.
 TERMS = {
     "torque": "N·m",
     "voltage": "V",
@@ -36,10 +37,15 @@ TERMS = {
     "gyro_sensor": "rad/s",
 }
 # What a form can run over, from 1, with its unit. `motor_angle` is the wheel's angle times the gear ratio.
+# `command_history` is the command's size, negative once it has fallen back from its last extreme; the term then acts
+# along the command. `load` is the torque that the gear delivers to the wheel; a torque over it is friction, and runs
+# over the load in the direction of motion: negative where the wheel drives the motor.
 OVERS = {
     "v_cmd": "V",
+    "command_history": "V",
     "i": "A",
     "w": "rad/s",
+    "load": "N·m",
     "yaw_rate": "rad/s",
     "th": "rad",
     "motor_angle": "rad",
@@ -54,7 +60,7 @@ TERM_CODE = {name: k + 1 for k, name in enumerate(TERMS)}
 OVER_CODE = {name: k + 1 for k, name in enumerate(OVERS)}
 # Two branches that meet in a jump at zero, where friction, dead zones and bridges have one; values run from -high to
 # -0 and from +0 to high.
-BRANCHES = ("v_cmd", "i", "w", "yaw_rate")
+BRANCHES = ("v_cmd", "command_history", "i", "w", "load", "yaw_rate")
 # A full turn, whose end is its beginning.
 PERIODIC = ("th", "motor_angle", "yaw")
 FULL_TURN = 2.0 * math.pi
@@ -62,15 +68,29 @@ _LAST_BRANCH, _FIRST_TURN, _LAST_TURN = len(BRANCHES), OVER_CODE["th"], OVER_COD
 _TORQUE, _VOLTAGE, _CONSTANT, _FORCE, _YAW = (
     TERM_CODE[name] for name in ("torque", "voltage", "torque_constant", "force", "yaw_torque")
 )
-_W, _RATE, _HEADING, _TIME = (OVER_CODE[name] for name in ("w", "yaw_rate", "yaw", "t"))
+_V, _HISTORY, _I, _W, _LOAD, _RATE, _HEADING, _TIME = (
+    OVER_CODE[name] for name in ("v_cmd", "command_history", "i", "w", "load", "yaw_rate", "yaw", "t")
+)
 _GYRO = TERM_CODE["gyro_sensor"]
 # What the forms of a side come to in a step: torque that drives; levels of dry friction against turning forwards and
 # backwards; friction by speed, N·m·s/rad; voltage; relative torque constant; force; torque about the vertical; and its
 # part against the yaw rate that can hold the robot.
 DRIVE, FORWARD, BACKWARD, FLUID, VOLTS, CONSTANT, PUSH, TURN, SCRUB = range(9)
 ACTS = 9
-# Numerical: how many quantities a form may run over.
-ABOUT = len(OVERS)
+# Numerical: how many quantities a form may run over, and one more: the mean current of the step, A, which all but a
+# voltage run over. A voltage over the current is part of what makes that mean.
+ABOUT = len(OVERS) + 1
+MEAN_I = len(OVERS)
+# What a side's forms remember: the command's last extreme, V; 1 while its size grows, -1 once it has fallen back, 0
+# before the first command; and the load, N·m.
+EXTREME, WAY, CARRIED = range(3)
+PAST = 3
+# Share of a curve's range by which a command has to come back from an extreme to count as turned: the dither of a
+# controller is no turn.
+TURNS_BY = 0.01
+# Time constant, s, with which the load follows the gear's torque. That torque and the friction that hangs on it each
+# give the other; with a lag no equation has to be solved for both, and steps of different lengths agree.
+LOAD_S = 0.01
 
 
 def no_forms() -> np.ndarray:
@@ -133,12 +153,13 @@ def act(rows, quantities, acts):
 
     Parameters
     ----------
-    rows : (MOST_FORMS, WIDTH). quantities : (len(OVERS),) of this side now, in the order of `OVERS`.
+    rows : (MOST_FORMS, WIDTH). quantities : (ABOUT,) of this side now, in the order of `OVERS`, and the mean current.
     acts : (ACTS,) filled: torque N·m, levels of dry friction N·m, friction by speed N·m·s/rad, voltage V, relative
         torque constant, force N, torque about the vertical N·m and its part against the yaw rate N·m.
 
     A torque over the wheel's speed is dry friction with a level for each direction: it can hold a wheel. By its slope
-    it also goes into the friction by speed, so that long steps stay stable.
+    it also goes into the friction by speed, so that long steps stay stable. A torque over the load is dry friction,
+    too: turning forwards the load drives with one sign, turning backwards with the other.
     """
     for n in range(ACTS):
         acts[n] = 0.0
@@ -147,9 +168,14 @@ def act(rows, quantities, acts):
         term, over = int(row[TERM]), int(row[OVER])
         if term == 0:
             continue
-        x = quantities[over - 1]
+        x = quantities[MEAN_I if over == _I and term != _VOLTAGE else over - 1]
         value, slope = curve(row, x)
-        if term == _TORQUE and over == _W:
+        if over == _HISTORY and quantities[_V - 1] < 0.0:
+            value = -value
+        if term == _TORQUE and over == _LOAD:
+            acts[FORWARD] -= value
+            acts[BACKWARD] -= curve(row, -x)[0]
+        elif term == _TORQUE and over == _W:
             ahead = value if x > 0.0 else branch(row, True, 0.0)[0]
             back = value if x < 0.0 else branch(row, False, 0.0)[0]
             acts[FORWARD] -= ahead
@@ -172,6 +198,54 @@ def act(rows, quantities, acts):
             acts[TURN] += value if level < 0.0 and x != 0.0 else 0.0
         elif term == _YAW:
             acts[TURN] += value
+
+
+@loop
+def back_emf(acts, constant, speed):
+    """Voltage at the nominal bus by which the back-EMF is smaller where forms change the torque constant, V.
+
+    acts : (ACTS,) as `act` fills it; constant : V·s/rad and speed : rad/s, both at the wheel. Torque a current and
+    back-EMF a speed are one constant: what a motor takes up it gives off (P. C. Krause et al., "Analysis of Electric
+    Machinery and Drive Systems", 2013, chapter 2).
+    """
+    return -acts[CONSTANT] * constant * speed
+
+
+@loop
+def follow(rows, volts, past):
+    """Follow a command through its turns: whether its size grows, or has fallen back from an extreme.
+
+    rows : (MOST_FORMS, WIDTH) of a side; volts : V, the command now in force, clipped; past : (PAST,), changed. A
+    second call with the same command changes nothing. The direction of the last change is the simplest state of a
+    hysteresis with two branches (I. D. Mayergoyz, "Mathematical Models of Hysteresis", 1991, chapter 1).
+    """
+    slack = -1.0
+    for n in range(MOST_FORMS):
+        row = rows[n]
+        if row[TERM] != 0.0 and row[OVER] == _HISTORY:
+            slack = max(slack, TURNS_BY * row[HIGH])
+    if slack < 0.0:
+        return
+    size, extreme = abs(volts), abs(past[EXTREME])
+    if volts * past[EXTREME] < 0.0 or past[WAY] == 0.0:
+        past[EXTREME] = volts
+        past[WAY] = 1.0 if size > 0.0 else past[WAY]
+    elif past[WAY] > 0.0:
+        if size < extreme - slack:
+            past[WAY] = -1.0
+        if size > extreme or past[WAY] < 0.0:
+            past[EXTREME] = volts
+    else:
+        if size > extreme + slack:
+            past[WAY] = 1.0
+        if size < extreme or past[WAY] > 0.0:
+            past[EXTREME] = volts
+
+
+@loop
+def carried(load, torque, h):
+    """The load of a gear after h s in which it delivered `torque`, N·m; load : N·m before."""
+    return load + (torque - load) * (1.0 - math.exp(-h / LOAD_S))
 
 
 @loop
@@ -205,6 +279,6 @@ def any_of(rows):
 def holds(rows):
     """Whether a side's forms (MOST_FORMS, WIDTH) hold dry friction."""
     for n in range(MOST_FORMS):
-        if rows[n, TERM] == _TORQUE and rows[n, OVER] == _W:
+        if rows[n, TERM] == _TORQUE and (rows[n, OVER] == _W or rows[n, OVER] == _LOAD):
             return True
     return False

@@ -17,6 +17,16 @@ def warm(resistance, rise):
 
 
 @law
+def armature_slopes(emf_current, decay, mean_i):
+    """c1 and m1 of `armature_factors`, A·s/rad.
+
+    emf_current : A·s/rad, back-EMF a speed over the resistance; decay, mean_i : as returned there.
+    """
+    c1 = emf_current * (1.0 - (1.0 - decay) * mean_i)
+    return c1, 0.5 * emf_current - mean_i * c1
+
+
+@law
 def armature_factors(h, resistance, inductance, ke, exp_minus):
     """Factors of the armature's exact solution over a step of h s, see `armature`.
 
@@ -27,8 +37,7 @@ def armature_factors(h, resistance, inductance, ke, exp_minus):
     rise_v = (1.0 - decay) / resistance
     mean_v = 1.0 / resistance
     mean_i = inductance / (h * resistance)
-    c1 = ke / resistance * (1.0 - (1.0 - decay) * mean_i)
-    m1 = 0.5 * ke / resistance - mean_i * c1
+    c1, m1 = armature_slopes(ke / resistance, decay, mean_i)
     return decay, rise_v, mean_v, mean_i, c1, m1
 
 

@@ -43,6 +43,13 @@ TOGETHER = {
         ("voltage", "t", 0.0, 2.0, lambda x: -1.0 * x),
         ("current_sensor", "i", -0.3, 0.3, lambda x: 0.2 * x),
     ],
+    "history": [
+        ("voltage", "command_history", -12.0, 12.0, lambda x: -0.4 * np.sign(x) - 0.03 * x),
+        ("torque", "load", -0.4, 0.4, lambda x: -0.2 * np.abs(x) + 0.1 * x),
+        ("voltage", "t", 0.0, 2.0, lambda x: -0.2 * x),
+    ],
+    "constant": [("torque_constant", "i", -0.3, 0.3, lambda x: -0.5 * np.abs(x))],
+    "load": [("torque", "load", -0.4, 0.4, lambda x: -0.3 * np.abs(x))],
     "heading": [
         ("force", "yaw", 0.0, TURN, lambda x: 3.0 * np.cos(x - 0.5)),
         ("gyro_sensor", "t", 0.0, 2.0, lambda x: 0.05 * x),
@@ -66,6 +73,7 @@ def test_forms_run_in_the_simulator_as_in_the_replay(which):
     case = Case("formed", ROBOT, (log,))
     moved, _ = distance(case, [(log, truth, plain)])
     apart, _ = distance(case, [(log, truth, out)])
+    print(f"{which}: apart by {apart / moved:.4f} of what the forms move", flush=True)
     assert moved > 1.0
     assert apart < 0.02 * moved
 
@@ -93,7 +101,9 @@ def test_a_command_goes_on_beyond_the_supply_by_what_a_form_adds():
     assert curve.at(13.5) == 7.5
     assert curve.at(-20.0) == -7.5
     model = formed(("voltage", "t", 0.0, 2.0, lambda x: -1.5 * x))
-    assert needs_command(model.forms[0]) == pytest.approx(3.0)
+    assert needs_command(model.forms[0], 12.0) == pytest.approx(3.0)
+    weaker = formed(("torque_constant", "i", -0.3, 0.3, lambda x: -0.5 * np.abs(x)))
+    assert needs_command(weaker.forms[0], 12.0) == pytest.approx(1.8)
 
 
 def test_a_voltage_over_time_behind_a_driver_that_turns_back_is_refused_in_one_line():
@@ -120,13 +130,15 @@ def test_sensors_of_a_run_read_with_their_forms():
 
 
 # One of each equation. The first four are in tables of the units; the others act on units, body or readings, once a
-# millisecond, and a torque constant on the mean current of one.
+# millisecond.
 IN_RTL = {
     "friction": ("torque", "w", -25.0, 25.0, lambda x: -0.05 * np.sign(x) - 0.001 * x),
     "command": ("voltage", "v_cmd", -12.0, 12.0, lambda x: -0.02 * x * np.abs(x)),
     "drop": ("voltage", "i", -0.3, 0.3, lambda x: -0.5 * np.tanh(x / 0.05)),
     "ripple": ("torque", "motor_angle", 0.0, TURN, lambda x: 0.03 * np.sin(x + 0.4)),
     "constant": ("torque_constant", "i", -0.3, 0.3, lambda x: -0.5 * np.abs(x)),
+    "history": ("voltage", "command_history", -12.0, 12.0, lambda x: -0.4 * np.sign(x) - 0.03 * x),
+    "load": ("torque", "load", -0.4, 0.4, lambda x: -0.3 * np.abs(x)),
     "voltage": ("voltage", "t", 0.0, 2.0, lambda x: -1.0 * x),
     "force": ("force", "yaw", 0.0, TURN, lambda x: 3.0 * np.cos(x - 0.5)),
     "turning": ("yaw_torque", "yaw_rate", -4.0, 4.0, lambda x: -0.06 * np.sign(x) - 0.01 * x),

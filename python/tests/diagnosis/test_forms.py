@@ -60,6 +60,12 @@ def problem() -> Problem:
         ("voltage_gain", 0.1, ("voltage", "v_cmd", -12.0, 12.0, lambda x: 0.1 * np.where(np.abs(x) > 0.01, x, 0.0))),
         ("gyro_bias", 0.1, ("gyro_sensor", "yaw_rate", -9.0, 9.0, lambda x: 0.1 + 0.0 * x)),
         ("current_bias", 0.1, ("current_sensor", "i", -2.0, 2.0, lambda x: 0.1 + 0.0 * x)),
+        # Without a loop, the voltage of both branches is that of the command.
+        (
+            "voltage_gain",
+            0.1,
+            ("voltage", "command_history", -12.0, 12.0, lambda x: 0.1 * np.where(np.abs(x) > 0.01, np.abs(x), 0.0)),
+        ),
     ],
 )
 def test_a_form_with_an_effects_values_replays_as_the_effect(problem, quantity, size, form):
@@ -72,6 +78,55 @@ def test_a_form_with_an_effects_values_replays_as_the_effect(problem, quantity, 
     # Sensors' readings of exactly nothing have no sign, and no form.
     rows = slice(60, None)
     assert np.allclose(one[rows, moving], other[rows, moving], atol=1e-9)
+
+
+def test_a_torque_constant_over_the_current_changes_the_back_emf_with_it(problem):
+    effect, formed = nominal_model(problem.robot), nominal_model(problem.robot)
+    effect.scale("torque_constant", 0.9)
+    effect.scale("back_emf", 0.9)
+    with_form(formed, "torque_constant", "i", -2.0, 2.0, lambda x: -0.1 + 0.0 * x)
+    inputs = problem.whole[0].inputs
+    # No current at all has no sign, and no form: that is the first step of a run.
+    assert np.allclose(replay_run(effect, inputs), replay_run(formed, inputs), atol=2e-3)
+
+
+def test_a_torque_over_the_load_loses_as_friction_that_grows_with_the_load():
+    robot = builtin_robot("burger")
+    rows = with_form(nominal_model(robot), "torque", "load", -0.4, 0.4, lambda x: -0.3 * np.abs(x) + 0.1 * x).forms[0]
+    about, acts = np.zeros(plant.ABOUT), np.zeros(plant.ACTS)
+    about[plant.OVER_CODE["load"] - 1] = 0.2
+    plant.act(rows, about, acts)
+    # Forwards the gear drives the wheel, backwards the wheel drives the gear.
+    assert acts[[plant.FORWARD, plant.BACKWARD]] == pytest.approx([0.04, 0.08], rel=1e-3)
+    assert not np.delete(acts, [plant.FORWARD, plant.BACKWARD]).any()
+
+
+def test_a_gears_load_follows_its_torque_alike_in_steps_of_any_length():
+    load = 0.0
+    for _ in range(40):
+        load = plant.carried(load, 0.3, 5e-4)
+    assert load == pytest.approx(plant.carried(0.0, 0.3, 0.02)) == pytest.approx(0.3 * (1.0 - np.exp(-2.0)))
+
+
+def ways(volts, high=10.0):
+    """1 while a command grows, -1 once it has fallen back, after each of several commands."""
+    rows, past, found = plant.no_forms()[0], np.zeros(plant.PAST), []
+    rows[0, : plant.VALUES] = plant.TERM_CODE["voltage"], plant.OVER_CODE["command_history"], -high, high
+    for volt in volts:
+        plant.follow(rows, volt, past)
+        plant.follow(rows, volt, past)
+        found.append(int(past[plant.WAY]))
+    return found
+
+
+def test_a_command_grows_or_has_fallen_back_whatever_its_sign():
+    assert ways([0.0, 2.0, 5.0, 5.0, 3.0, 1.0, 2.0]) == [0, 1, 1, 1, -1, -1, 1]
+    assert ways([-2.0, -5.0, -1.0, 3.0, 1.0, -0.5]) == [1, 1, -1, 1, -1, 1]
+    assert ways([5.0, 0.0, 4.0]) == [1, -1, 1]
+
+
+def test_the_dither_of_a_controller_is_no_turn():
+    assert ways([5.0, 4.95, 5.03, 4.96, 4.92, 4.97, 5.05]) == [1, 1, 1, 1, -1, -1, 1]
 
 
 def test_replays_one_by_one_and_in_a_batch_agree_with_every_form(problem):
@@ -108,28 +163,32 @@ WORLDS = {
     # Grids of other ends than the search takes, so that no world is a curve of the search's own.
     "voltage": ("v_cmd", -10.0, 10.0, lambda x: 0.8 * np.sign(x) * (x / 9.0) ** 2),
     "torque": ("th", 0.0, TURN, lambda x: 0.05 * np.sin(2.0 * x + 0.4)),
+    # A driver that gives more while its command falls than while it grows.
+    "voltage with a loop": ("command_history", -10.0, 10.0, lambda x: -0.6 * np.sign(x)),
     "force": ("yaw", 0.0, TURN, lambda x: 1.5 * np.sin(x + 0.9)),
     "gyro_sensor": ("t", 0.0, 60.0, lambda x: 0.02 * x),
 }
 FORMULAS = {
     "voltage": ("a·x·|x|", 0.8 / 81.0),
     "torque": ("a·sin(2·x + φ)", 0.05),
+    "voltage with a loop": ("a·sgn(ẋ)", 0.6),
     "force": ("a·sin(x + φ)", 1.5),
     "gyro_sensor": ("a·x", 0.02),
 }
 
 
-@pytest.mark.parametrize("term", WORLDS)
-def test_an_unmodelled_term_gets_a_curve_in_its_equation_and_a_formula(term):
-    over, low, high, law = WORLDS[term]
+@pytest.mark.parametrize("which", WORLDS)
+def test_an_unmodelled_term_gets_a_curve_in_its_equation_and_a_formula(which):
+    over, low, high, law = WORLDS[which]
+    term = which.partition(" ")[0]
     forms, before, truth = found_in(lambda model: with_form(model, term, over, low, high, law))
     assert [(entry["term"], entry["over"], entry["side"]) for entry in forms.entries] == [(term, over, "both")]
     (entry,) = forms.entries
-    formula, size_of_it = FORMULAS[term]
+    formula, size_of_it = FORMULAS[which]
     assert before - forms.gap >= 0.9 * (before - truth)
     assert entry["closes"] >= 0.9
     x, y, error = np.array(entry["curve"]).T
-    inside = np.abs(x) < 0.8 * high if term == "voltage" else x >= 0.0
+    inside = (np.abs(x) < 0.8 * high) & (np.abs(x) > 0.1 * high) if term == "voltage" else x >= 0.0
     size = np.abs(law(x[inside])).max()
     assert np.abs(y - law(x))[inside].max() < 0.15 * size
     assert (error > 0.0).all()

@@ -195,6 +195,7 @@ PLANAR = {
         ROBOT,
         {"payload_kg": 0.3, "slope_rad": 0.1, "uphill_yaw_rad": 0.4},
     ),
+    "history": ((), ROBOT, {}),
     "servo": ((("pwm_curve", "both", {"curvature": 0.1}), ("battery_decline", "both", {"rate_v_per_s": 0.5})), SERVO,
         {}),
 }  # fmt: skip
@@ -212,7 +213,13 @@ FORMS = {
         ("voltage", "i", -0.4, 0.4, lambda x: -0.5 * np.tanh(x / 0.05)),
         ("torque", "motor_angle", 0.0, 2.0 * np.pi, np.sin),
     ),
+    "history": (
+        ("voltage", "command_history", -12.0, 12.0, lambda x: -0.5 * np.sign(x) - 0.03 * x),
+        ("torque", "load", -0.4, 0.4, lambda x: -0.2 * np.abs(x) + 0.1 * x),
+        ("force", "yaw", 0.0, 2.0 * np.pi, lambda x: 2.0 * np.cos(x - 0.5)),
+    ),
     "servo": (
+        ("gyro_sensor", "t", 0.0, 1.0, lambda x: 0.05 * x),
         ("speed_sensor", "w", -20.0, 20.0, lambda x: 0.01 * x * np.abs(x)),
         ("torque", "t", 0.0, 1.0, lambda x: 0.1 * x),
     ),

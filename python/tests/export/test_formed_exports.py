@@ -37,6 +37,11 @@ SETS = {
         ("torque_constant", "i", -0.3, 0.3, lambda x: -0.5 * np.abs(x)),
         ("torque", "th", 0.0, TURN, lambda x: 0.03 * np.sin(2.0 * x)),
     ],
+    "history": [
+        ("voltage", "command_history", -12.0, 12.0, lambda x: -0.6 * np.sign(x) - 0.03 * x),
+        ("torque", "load", -0.4, 0.4, lambda x: -0.2 * np.abs(x) + 0.1 * x),
+        ("torque_constant", "i", -0.3, 0.3, lambda x: -0.3 * np.abs(x)),
+    ],
     "heading": [
         ("force", "yaw", 0.0, TURN, lambda x: 2.0 * np.cos(x - 0.5)),
         ("gyro_sensor", "t", 0.0, 5.0, lambda x: 0.05 * x),

@@ -14,8 +14,8 @@ from rtds_host.plant.schema import OUTPUT_INDEX
 
 # What each term may run over.
 RUNS_OVER = {
-    "torque": ("w", "th", "motor_angle", "i", "t"),
-    "voltage": ("v_cmd", "i", "th", "t"),
+    "torque": ("w", "th", "motor_angle", "i", "load", "t"),
+    "voltage": ("v_cmd", "command_history", "i", "th", "t"),
     "torque_constant": ("i",),
     "force": ("speed", "x", "y", "yaw"),
     "yaw_torque": ("yaw_rate", "speed_yaw_rate"),
@@ -48,7 +48,8 @@ def ranges(problem: Problem, model: Model) -> dict[str, list[tuple[float, float]
     motor loses at its largest currents shows there only. Of what sensors read also the lower half: what is too small to
     be read shows there only.
     """
-    outs = [out[np.abs(out).max(axis=1) < 1e6] for out in problem.replay(model)]
+    replayed = problem.replay(model)
+    outs = [out[np.abs(out).max(axis=1) < 1e6] for out in replayed]
     out = np.concatenate(outs)
     sides = ["lr".index(side) for side in problem.robot.sides]
     tail = 0.5 * FEW_SHARE
@@ -71,7 +72,11 @@ def ranges(problem: Problem, model: Model) -> dict[str, list[tuple[float, float]
     }
     asked = np.concatenate([np.abs(data.inputs[2]).ravel() for data in problem.runs])
     most = model.get("supply") if problem.robot.driver.mode == "speed" else min(float(asked.max()), model.get("supply"))
-    found["v_cmd"] = [(-most, most)]
+    found["v_cmd"] = found["command_history"] = [(-most, most)]
+    if problem.robot.driver.mode != "torque":
+        starting = problem.runs_starting(model.start)
+        loads = [_loads(data.inputs[0], one, model, sides) for data, one in zip(starting, replayed, strict=True)]
+        found["load"] = reach(np.concatenate(loads))
     if problem.robot.axis is None:
         speed = 0.5 * (w @ [model.get("radius", 0), model.get("radius", 1)])
         found["speed"] = reach(speed)
@@ -81,6 +86,19 @@ def ranges(problem: Problem, model: Model) -> dict[str, list[tuple[float, float]
         for name in ("x", "y"):
             found[name] = [(float(column[name].min()), float(column[name].max()))]
     return found
+
+
+def _loads(t: np.ndarray, out: np.ndarray, model: Model, sides: list[int]) -> np.ndarray:
+    """Torques that the gears of some sides deliver in a replay (n, 11) at times t (n,) s, N·m: what the motor makes,
+    less its friction and what accelerates its rotor (contract, section 2)."""
+    ratio, found = model.get("gear_ratio"), [np.zeros(0)]
+    if len(t) < 2 or np.abs(out).max() >= 1e6:
+        return found[0]
+    for k in sides:
+        i, w = out[:, OUTPUT_INDEX["i_l"] + k], out[:, OUTPUT_INDEX["w_l"] + k]
+        inertia, fluid = (ratio**2 * model.get(name, k) for name in ("rotor_inertia", "viscous"))
+        found.append(ratio * model.get("torque_constant", k) * i - fluid * w - inertia * np.gradient(w, t))
+    return np.concatenate(found)
 
 
 def candidates(problem: Problem, model: Model) -> list[Form]:

@@ -58,6 +58,12 @@ def _rising(s: np.ndarray, count: int) -> np.ndarray:
 
 def shapes(over: str) -> tuple[np.ndarray, np.ndarray]:
     """Shapes of a curve over a quantity, (POINTS, n), and each one's prior width over that of the first, (n,)."""
+    if over == "load":
+        # What a gear loses by its load is none without one, and much alike whichever way it is loaded.
+        half = _rising(np.linspace(0.0, 1.0, plant.HALF), ODD_SHAPES)[:, 1:]
+        even, odd = half, half[:, : EVEN_SHAPES - 1]
+        basis = np.hstack([np.vstack([even[::-1], even]), np.vstack([-odd[::-1], odd])])
+        return basis, np.concatenate([1.0 / (1.0 + np.arange(even.shape[1])), 1.0 / (2.0 + np.arange(odd.shape[1]))])
     if over in plant.BRANCHES:
         half = _rising(np.linspace(0.0, 1.0, plant.HALF), max(ODD_SHAPES, EVEN_SHAPES))
         odd, even = half[:, :ODD_SHAPES], half[:, :EVEN_SHAPES]

@@ -106,6 +106,42 @@ _PLACES = (
         _scaled(0.25, 0.5, 0.75),
     ),
 )
+# Over a command's history: x is the command, and ẋ its last change. Curves are of the command's size, negative while
+# it falls, and act along the command: a sign there is that of ẋ here.
+_LOOPS = (
+    Law("a·sgn(ẋ)", ("a",), ("y",), lambda x, a: a * np.sign(x)),
+    Law("a·|x|·sgn(ẋ)", ("a",), ("y/x",), lambda x, a: a * x),
+    Law("a·x + b·sgn(ẋ)", ("a", "b"), ("y/x", "y"), lambda x, a, b: a * np.abs(x) + b * np.sign(x)),
+    Law("a·x + b·|x|·sgn(ẋ)", ("a", "b"), ("y/x", "y/x"), lambda x, a, b: a * np.abs(x) + b * x),
+    Law(
+        "a·sgn(ẋ)·exp(-|x|/b)",
+        ("a", "b"),
+        ("y", "x"),
+        lambda x, a, b: a * np.sign(x) * np.exp(-np.abs(x / b)),
+        _scaled(*SCALES),
+    ),
+    Law(
+        "a·sgn(ẋ)·(1 - exp(-|x|/b))",
+        ("a", "b"),
+        ("y", "x"),
+        lambda x, a, b: a * np.sign(x) * (1.0 - np.exp(-np.abs(x / b))),
+        _scaled(*SCALES),
+    ),
+)
+# Over a gear's load: losses along the motion, driving and driven.
+_LOSSES = (
+    Law("a·|x|", ("a",), ("y/x",), lambda x, a: a * np.abs(x)),
+    Law("a·x²", ("a",), ("y/x²",), lambda x, a: a * x**2),
+    Law("a·|x| + b·x", ("a", "b"), ("y/x", "y/x"), lambda x, a, b: a * np.abs(x) + b * x),
+    Law("a·|x|^p", ("a", "p"), ("y", "1"), lambda x, a, p: a * np.abs(x) ** p, _scaled(*POWERS)),
+    Law(
+        "a·(1 - exp(-|x|/b))",
+        ("a", "b"),
+        ("y", "x"),
+        lambda x, a, b: a * (1.0 - np.exp(-np.abs(x / b))),
+        _scaled(*SCALES),
+    ),
+)
 _EVEN = (
     Law("a", ("a",), ("y",), lambda x, a: a + 0.0 * x),
     Law("a·x", ("a",), ("y/x",), lambda x, a: a * x),
@@ -153,6 +189,10 @@ def laws(over: str) -> tuple[Law, ...]:
     """The formulas that are tried over a quantity, simple ones first."""
     if over in plant.PERIODIC:
         return _TURNS
+    if over == "command_history":
+        return _LOOPS
+    if over == "load":
+        return _LOSSES
     if over == "t":
         return (*_EVEN, *_FADES, _STEP)
     return (*_ODD, *_PLACES) if over in plant.BRANCHES else (*_EVEN, _STEP)

@@ -156,7 +156,7 @@ def _next(
     ]
     if not ended:
         return None
-    promise, best = min(ended, key=lambda pair: pair[1].gap)
+    promise, best = _plainest(ended)
     if pooled(best, now) <= GAINS:
         reach = max(form.high for form in forms if form.over == promise.form.over)
         promise, best = with_ends(problem, partial(_side_by_side, problem, known, best.fit), promise, best, reach)
@@ -169,6 +169,19 @@ def _next(
         found.notes.append(f"{promise.form.term} over {promise.form.over}: {name} makes it as well, and is no form")
         return None
     known[promise.form.id] = promise.form.effect()
+    return promise, best
+
+
+def _plainest(ended: Sequence[tuple[Promise, HeldOutScore]]) -> tuple[Promise, HeldOutScore]:
+    """The form that leaves least of runs left out. The command's history has to leave clearly less than the command
+    alone, which is half of what its curve can hold."""
+    promise, best = min(ended, key=lambda pair: pair[1].gap)
+    if promise.form.over == "command_history":
+        plain = [pair for pair in ended if pair[0].form.over == "v_cmd" and pair[0].form.term == promise.form.term]
+        if plain:
+            other = min(plain, key=lambda pair: pair[1].gap)
+            if pooled(best, other[1]) > GAINS:
+                return other
     return promise, best
 
 

@@ -67,9 +67,10 @@ torque_of, shaped_by = map(law, functions(TORQUES, "side, k", lambda entry: f"si
 
 
 CURRENT, SPEED, GYRO = (forms.TERM_CODE[f"{name}_sensor"] for name in ("current", "speed", "gyro"))
-(OVER_V, OVER_I, OVER_W, OVER_RATE, OVER_TH, OVER_MOTOR, OVER_TURNS, OVER_SPEED, OVER_T, OVER_X, OVER_Y, OVER_YAW) = (
-    range(len(forms.OVERS))
-)
+# fmt: off
+(OVER_V, OVER_HISTORY, OVER_I, OVER_W, OVER_LOAD, OVER_RATE, OVER_TH, OVER_MOTOR, OVER_TURNS, OVER_SPEED, OVER_T,
+ OVER_X, OVER_Y, OVER_YAW) = range(len(forms.OVERS))
+# fmt: on
 
 
 @law
@@ -164,6 +165,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
     formed = forms.any_of(curves)
     acts = np.zeros((2, forms.ACTS))  # what the forms of a side come to in a step
     about = np.zeros(forms.ABOUT)  # what they run over
+    past = np.zeros((2, forms.PAST))  # what they remember
     slipping = side[0, SLIP] != 0.0 or side[1, SLIP] != 0.0
     tyre = np.zeros(2)  # shear of the tyres over their relaxation length
     whole = np.zeros(2)  # force that this shear would give with all the grip there could be
@@ -307,6 +309,8 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
             for k in range(sides):
                 vd[k] = driver.duty(va[k], supply, side[k, CURVE], side[k, DEADZONE], side[k, V_GAIN])
                 ve[k] = vd[k]
+                if formed:
+                    forms.follow(curves[k], va[k], past[k])
 
         # ---- next event
         ahead = end + 1.0
@@ -356,20 +360,6 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                 along, across = mid_x * up_x + mid_y * up_y, mid_y * up_x - mid_x * up_y
                 gx -= pull * along
                 gz += ground.slope_torque(pull, com[COM_X], com[COM_Y], along, across)
-            if formed:
-                about[OVER_RATE], about[OVER_SPEED], about[OVER_TURNS] = rate, v, v * rate
-                about[OVER_T], about[OVER_X], about[OVER_Y], about[OVER_YAW] = elapsed, x, y, yaw
-                for k in range(sides):
-                    about[OVER_V], about[OVER_I], about[OVER_W] = va[k], cur[k], wm[k]
-                    at = th[k] + 0.5 * h * w[k]
-                    if angle.shape[0] > 0 and kc > 0:
-                        at = _followed(angle, t_cmd, kc, k, now + done - 0.5 * h - dc) / side[k, W_GAIN]
-                    about[OVER_TH], about[OVER_MOTOR] = at, ratio * at
-                    forms.act(curves[k], about, acts[k])
-                    ve[k] = vd[k] + acts[k, forms.VOLTS]
-                gx += acts[0, forms.PUSH]
-                gz += acts[0, forms.TURN]
-                scrub = com[SCRUB] + acts[0, forms.SCRUB]
             for k in range(sides):
                 wn[k] = w[k]
                 wmn[k] = wm[k]
@@ -382,10 +372,40 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                         decay[k], rise_v[k], mean_v[k], mean_i[k], c1[k], m1[k] = motor.armature_factors(
                             h, res, side[k, L], ke, exponential
                         )
-                    if com[SOURCE_R] != 0.0:
-                        # What the current comes to at the bus before and an even speed.
-                        volts = driver.winding_voltage(ve[k] * level, ke * wm[k], side[k, LIMIT], side[k, DROP])
-                        im[k] = motor.even_current(cur[k], volts, ke * wm[k], decay[k], rise_v[k], mean_v[k], mean_i[k])
+            if formed:
+                about[OVER_RATE], about[OVER_SPEED], about[OVER_TURNS] = rate, v, v * rate
+                about[OVER_T], about[OVER_X], about[OVER_Y], about[OVER_YAW] = elapsed, x, y, yaw
+                for k in range(sides):
+                    about[OVER_V], about[OVER_I], about[OVER_W] = va[k], cur[k], wm[k]
+                    about[OVER_HISTORY] = past[k, forms.WAY] * abs(va[k])
+                    about[OVER_LOAD] = past[k, forms.CARRIED]
+                    at = th[k] + 0.5 * h * w[k]
+                    if angle.shape[0] > 0 and kc > 0:
+                        at = _followed(angle, t_cmd, kc, k, now + done - 0.5 * h - dc) / side[k, W_GAIN]
+                    about[OVER_TH], about[OVER_MOTOR] = at, ratio * at
+                    if mode != 1:
+                        # What the current comes to with the forms of the step before.
+                        emf = side[k, KB] * ratio * (1.0 + acts[k, forms.CONSTANT]) * wm[k]
+                        volts = (vd[k] + acts[k, forms.VOLTS]) * level
+                        volts = driver.winding_voltage(volts, emf, side[k, LIMIT], side[k, DROP])
+                        about[forms.MEAN_I] = motor.even_current(
+                            cur[k], volts, emf, decay[k], rise_v[k], mean_v[k], mean_i[k]
+                        )
+                    forms.act(curves[k], about, acts[k])
+                    ve[k] = vd[k] + acts[k, forms.VOLTS]
+                    if mode != 1:
+                        # What changes the torque of a current changes the back-EMF of a speed alike.
+                        per_a = side[k, KB] * ratio * (1.0 + acts[k, forms.CONSTANT]) * mean_v[k]
+                        c1[k], m1[k] = motor.armature_slopes(per_a, decay[k], mean_i[k])
+                gx += acts[0, forms.PUSH]
+                gz += acts[0, forms.TURN]
+                scrub = com[SCRUB] + acts[0, forms.SCRUB]
+            if com[SOURCE_R] != 0.0 and mode != 1:
+                for k in range(sides):
+                    # What the current comes to at the bus before and an even speed.
+                    ke = side[k, KB] * ratio * (1.0 + acts[k, forms.CONSTANT])
+                    volts = driver.winding_voltage(ve[k] * level, ke * wm[k], side[k, LIMIT], side[k, DROP])
+                    im[k] = motor.even_current(cur[k], volts, ke * wm[k], decay[k], rise_v[k], mean_v[k], mean_i[k])
             if axis == 2:
                 weight = ground.pendulum(swung, com[AX_ARM], th[0] + 0.5 * h * wn[0] - com[AX_ZERO], math.sin)
             for trial in range(outer):
@@ -408,14 +428,12 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                         slope_w = 0.0
                         c0[k], c1[k], m0[k], m1[k] = 0.0, 0.0, 0.0, 0.0
                     else:
-                        ke = side[k, KB] * ratio
+                        ke = side[k, KB] * ratio * (1.0 + acts[k, forms.CONSTANT])
                         volts = driver.winding_voltage(ve[k] * level, ke * wmn[k], side[k, LIMIT], side[k, DROP])
                         c0[k], m0[k] = motor.armature(
                             cur[k], volts, ke, wmn[k], decay[k], rise_v[k], mean_v[k], mean_i[k], c1[k]
                         )
-                        km = ratio * side[k, KM]
-                        if formed:
-                            km *= 1.0 + acts[k, forms.CONSTANT]
+                        km = ratio * side[k, KM] * (1.0 + acts[k, forms.CONSTANT])
                         drive, slope_w = km * m0[k], km * m1[k]
                     inertia = ratio * ratio * side[k, J]
                     # The load's inertia and torques join the rotor's while the gear is rigid.
@@ -640,6 +658,9 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                         contact[k] = gear.FREE
                     elif contact[k] != gear.RIGID:
                         play[k] += h * (wm[k] - w[k])
+                if formed:
+                    delivered = load_j * (w[k] - wn[k]) / h + side[k, RADIUS] * force[k] - weight
+                    past[k, forms.CARRIED] = forms.carried(past[k, forms.CARRIED], delivered, h)
                 tau = side[k, W_TAU]
                 if tau > 0.0:
                     wf[k] = sensors.low_pass(wf[k], seen[k], seen_n[k], h, tau, math.exp(-h / tau))

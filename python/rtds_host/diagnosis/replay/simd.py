@@ -39,12 +39,12 @@ ALIKE_S = 1e-10
         "radius", "speed_tau", "stribeck", "stribeck_speed", "speed_gain", "current_gain", "current_bias", "pwm_curve",
         "deadzone", "voltage_gain", "slip", "slip_relaxation", "load_share", "backlash", "restitution", "stiffness",
         "damping"))
-_SIDE_ROWS = len(SIDE) + 68
+_SIDE_ROWS = len(SIDE) + 70
 (KE, GKM, INERTIA, FLUID, FRICTION, EXTRA, TH, W, CUR, RISE, WF, VA, VD, STICK, WN, C0, M0, DECAY, RISE_V, MEAN_V,
  MEAN_I, C1, M1, FADE, THETA, PER_SHEAR, AM, BM, RIGID, HI, LO, SHAPED, FORCE, ALPHA, BETA, SHEAR_TAU, GRIP,
  TYRE, WHOLE, GIVE, YIELDS, TANGENT, TAKEN, ASKED, MEAN, INPUT, OUTPUT, WM, WMN, PLAY, CONTACT, WAS, HELD, KAP,
  FREE_I, SPRING_I, HELD_I, BEHIND_I, TURN, APART, BOUNCES, TANGLED, AT, AHEAD, OWN_GKM, OWN_FLUID, OWN_FRICTION,
- OWN_VD) = (
+ OWN_VD, OWN_KE, MADE) = (
     k * SIMD_WIDTH for k in range(len(SIDE), _SIDE_ROWS))
 _SIDE = _SIDE_ROWS * SIMD_WIDTH
 _COMMON = 2 * _SIDE
@@ -118,12 +118,15 @@ def _begin(s, l, side, com, run, start):
 
 
 @loop
-def _begin_forms(s, l, curves, model):
-    """Keep what forms change from step to step, without them."""
+def _begin_forms(s, l, curves, model, past):
+    """Keep what forms change from step to step, without them; past : (PAST,) of each lane and side."""
     for k in range(2):
+        for n in range(forms.PAST):
+            past[l, k, n] = 0.0
         o = k * _SIDE + l
         s[o + OWN_GKM], s[o + OWN_FLUID], s[o + OWN_FRICTION] = s[o + GKM], s[o + FLUID], s[o + FRICTION]
-        s[o + OWN_VD] = 0.0
+        s[o + OWN_KE] = s[o + KE]
+        s[o + OWN_VD] = s[o + MADE] = 0.0
         if forms.holds(curves[model, k]):
             s[DRY + l] = 1.0
 
@@ -148,7 +151,19 @@ def _read(out, row, curves, model, held_s, l, elapsed):
 
 
 @loop
-def _formed(s, job, curved, which, sides, coms, curves, shaped, about, acts):
+def _carried(s, curved, redone, past):
+    """Take the loads of lanes that have forms to the end of a step, which some lanes take once more."""
+    for l in range(SIMD_WIDTH):
+        if not curved[l] or redone[l]:
+            continue
+        for k in range(2):
+            o = k * _SIDE + l
+            delivered = s[LOAD_J + l] * (s[o + W] - s[o + WN]) / s[H + l] + s[o + RADIUS] * s[o + FORCE]
+            past[l, k, forms.CARRIED] = forms.carried(past[l, k, forms.CARRIED], delivered, s[H + l])
+
+
+@loop
+def _formed(s, job, curved, which, sides, coms, curves, shaped, about, acts, past):
     """Put into the rows of lanes that have forms what these come to in a step; arguments as in `replay_batch`."""
     for l in range(SIMD_WIDTH):
         if not curved[l]:
@@ -162,16 +177,27 @@ def _formed(s, job, curved, which, sides, coms, curves, shaped, about, acts):
         for k in range(2):
             o = k * _SIDE + l
             about[one.OVER_V], about[one.OVER_I], about[one.OVER_W] = s[o + VA], s[o + CUR], s[o + WM]
+            about[one.OVER_HISTORY] = past[l, k, forms.WAY] * abs(s[o + VA])
+            about[one.OVER_LOAD] = past[l, k, forms.CARRIED]
             at = s[o + TH] + half * s[o + W]
             if s[FOLLOWS + l] > 0.0:
                 share = (s[NOW + l] + s[DONE + l] - half - s[SINCE + l]) * s[PER_SPAN + l]
                 at = s[o + AT] + min(max(share, 0.0), 1.0) * s[o + AHEAD]
             about[one.OVER_TH], about[one.OVER_MOTOR] = at, coms[model, one.GEAR] * at
+            emf = s[o + KE] * s[o + WM]
+            # What the current comes to with the forms of the step before.
+            volts = driver.winding_voltage((s[o + OWN_VD] + s[o + MADE]) * s[LEVEL + l], emf, s[o + LIM], s[o + DROP])
+            about[forms.MEAN_I] = motor.even_current(
+                s[o + CUR], volts, emf, s[o + DECAY], s[o + RISE_V], s[o + MEAN_V], s[o + MEAN_I]
+            )
             forms.act(curves[model, k], about, acts)
             s[o + SHAPED] = (s[o + SHAPED] if shaped else 0.0) + acts[forms.DRIVE]
             s[o + GKM] = s[o + OWN_GKM] * (1.0 + acts[forms.CONSTANT])
             s[o + FLUID] = s[o + OWN_FLUID] + acts[forms.FLUID]
-            s[o + VD] = s[o + OWN_VD] + acts[forms.VOLTS]
+            s[o + KE] = s[o + OWN_KE] * (1.0 + acts[forms.CONSTANT])
+            s[o + C1], s[o + M1] = motor.armature_slopes(s[o + KE] * s[o + MEAN_V], s[o + DECAY], s[o + MEAN_I])
+            s[o + MADE] = acts[forms.VOLTS]
+            s[o + VD] = s[o + OWN_VD] + s[o + MADE]
             s[o + FRICTION] = s[o + OWN_FRICTION] + 0.5 * (acts[forms.FORWARD] + acts[forms.BACKWARD])
             s[o + ASYM] = sides[model, k, one.ASYM] + 0.5 * (acts[forms.FORWARD] - acts[forms.BACKWARD])
             if k == 0:
@@ -274,6 +300,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
     shapes = np.zeros(SIMD_WIDTH, np.bool_)
     curved = np.zeros(SIMD_WIDTH, np.bool_)
     about, acts = np.zeros(forms.ABOUT), np.zeros(forms.ACTS)
+    past = np.zeros((SIMD_WIDTH, 2, forms.PAST))
     given = 0
     running = 0
     scrubbed = pulled = shaped = heated = faded = filtered = slipping = iterated = flexible = formed = False
@@ -311,7 +338,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                     running += 1
                     r = which[j, 1]
                     _begin(s, l, sides[which[j, 0]], coms[which[j, 0]], runs[r], starts[r])
-                    _begin_forms(s, l, curves, which[j, 0])
+                    _begin_forms(s, l, curves, which[j, 0], past)
                     s[H_MAX + l] = h_max[which[j, 0]]
                     fine[l] = min(h_max[which[j, 0]], h_play)
                     s[BUS_ROW + l] = buses[cmd_first[r]]
@@ -453,6 +480,8 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                         o = i * _SIDE + l
                         s[o + VD] = driver.duty(s[o + VA], supply, s[o + CURVE], s[o + DEADZONE], s[o + V_GAIN])
                         s[o + OWN_VD] = s[o + VD]
+                        if curved[l]:
+                            forms.follow(curves[which[job[l], 0], i], s[o + VA], past[l, i])
                 ahead = min(min(next_pose[l], next_sample[l]), next_command[l])
                 if lags[l]:
                     for i in range(2):
@@ -531,7 +560,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                 s[GX + l] -= s[PULL + l] * along
                 s[GZ + l] += ground.slope_torque(s[PULL + l], s[COM_X + l], s[COM_Y + l], along, across)
         if formed:
-            _formed(s, job, curved, which, sides, coms, curves, shaped, about, acts)
+            _formed(s, job, curved, which, sides, coms, curves, shaped, about, acts, past)
         if faded:
             for k in range(2):
                 o = k * _SIDE
@@ -808,6 +837,9 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                 break
         # ---- a long step ends where flanks part: once more, in short ones
         again = 0
+        if formed:
+            for l in range(lanes):
+                redone[l] = False
         if flexible:
             for l in range(lanes):
                 redone[l] = (
@@ -873,6 +905,8 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                     s[o + TYRE + l] = ground.relaxed(
                         s[H + l], s[o + TYRE + l], s[o + SLIP + l], whole, s[o + PER_SHEAR + l]
                     )
+        if formed:
+            _carried(s, curved, redone, past)
         if again > 0:
             for l in range(lanes):
                 if redone[l]:

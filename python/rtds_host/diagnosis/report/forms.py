@@ -12,8 +12,10 @@ from rtds_host.diagnosis.effects import CATALOGUE
 from rtds_host.diagnosis.report.details import Details
 from rtds_host.diagnosis.report.html import section
 from rtds_host.diagnosis.report.words import (
+    AXIS_WORDS,
     OVER_WORDS,
     TERM_WORDS,
+    X_WORDS,
     form_name,
     listed_name,
     number,
@@ -39,6 +41,18 @@ LOOK = {
 }
 
 
+def _history(volts: np.ndarray, most: float) -> np.ndarray:
+    """Sizes of commands (n,) V, negative once they have fallen back; most : V, what they are clipped at."""
+    rows, past, found = plant.no_forms()[0], np.zeros(plant.PAST), np.zeros(len(volts))
+    over = plant.OVER_CODE["command_history"]
+    rows[0, : plant.VALUES] = plant.TERM_CODE["voltage"], over, -most, most
+    for k, volt in enumerate(np.clip(volts, -most, most)):
+        if np.isfinite(volt):
+            plant.follow(rows, volt, past)
+        found[k] = past[plant.WAY] * abs(volt)
+    return found
+
+
 def _samples(over: str, side: str, details: Details) -> np.ndarray:
     """Measured values of what a form runs over, (n,) in its unit; empty where no channel holds them."""
     robot = details.case.robot
@@ -50,6 +64,8 @@ def _samples(over: str, side: str, details: Details) -> np.ndarray:
             stem = "th" if over.endswith("angle") else over
             scale = robot.motor.gear_ratio if over == "motor_angle" else 1.0
             found += [scale * columns[f"{stem}_{s}"] for s in sides if f"{stem}_{s}" in columns]
+        elif over == "command_history":
+            found += [_history(columns[f"v_cmd_{s}"], robot.supply_v) for s in sides if f"v_cmd_{s}" in columns]
         elif over == "yaw_rate" and "gyro_z" in columns:
             found.append(columns["gyro_z"])
         elif over in ("x", "y", "yaw") and over in columns:
@@ -98,7 +114,8 @@ def _drawing(form: dict[str, Any], details: Details, name: str) -> str:
         return " ".join(f"{px(a):.1f},{py(b):.1f}" for a, b in zip(x[order], ys[order], strict=True))
 
     unit_x, unit_y = form["units"]
-    over, term = OVER_WORDS.get(form["over"], form["over"]), TERM_WORDS.get(form["term"], form["term"])
+    over = AXIS_WORDS.get(form["over"], OVER_WORDS.get(form["over"], form["over"]))
+    term = TERM_WORDS.get(form["term"], form["term"])
     counts = density(form, details)
     parts = [
         f'<line class="grid" x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{py(v):.1f}" y2="{py(v):.1f}"/>'
@@ -167,7 +184,8 @@ def _one(form: dict[str, Any], details: Details, k: int) -> str:
     )
     said = (
         f'<p>Formula: <span class="formula">{escape(formula)}</span>, where x is the '
-        f"{escape(OVER_WORDS.get(form['over'], form['over']))}</p>" + (f"<ul>{rows}</ul>" if rows else "")
+        f"{escape(X_WORDS.get(form['over'], OVER_WORDS.get(form['over'], form['over'])))}</p>"
+        + (f"<ul>{rows}</ul>" if rows else "")
         if formula
         else "<p>No simple formula describes this curve; simulators take it as a table.</p>"
     )

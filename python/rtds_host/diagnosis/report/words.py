@@ -90,6 +90,7 @@ TERM_WORDS = {
 }
 OVER_WORDS = {
     "v_cmd": "command",
+    "command_history": "command's history",
     "i": "current",
     "w": "wheel speed",
     "th": "wheel angle",
@@ -103,6 +104,15 @@ OVER_WORDS = {
     "y": "place y",
     "speed": "speed",
     "yaw": "heading",
+}
+# What x is in a form's formula, and what its axis shows, where that takes more words.
+X_WORDS = {
+    "command_history": "command, and ẋ its last change",
+    "load": "torque that the gear transmits, negative where the wheel drives the motor",
+}
+AXIS_WORDS = {
+    "command_history": "command's size, negative once it has fallen back",
+    "load": "load, negative where the wheel drives the motor",
 }
 # How sure one may be, from this probability on.
 SURENESS = ((0.99, "as good as certain"), (0.9, "very likely"), (0.7, "likely"), (0.0, "more likely than not"))

@@ -22,8 +22,12 @@
 #define HALF 7
 enum { TERM, OVER, LOW, HIGH, VALUES, WIDTH = VALUES + POINTS };
 enum { NO_TERM, TORQUE, VOLTAGE, TORQUE_CONSTANT, FORCE, YAW_TORQUE, CURRENT_SENSOR, SPEED_SENSOR, GYRO_SENSOR };
-enum { OVER_NOTHING, OVER_V, OVER_I, OVER_W, OVER_RATE, OVER_TH, OVER_MOTOR, OVER_TURNS, OVER_SPEED, OVER_T, OVER_X,
-       OVER_Y, QUANTITIES };
+enum { OVER_NOTHING, OVER_V, OVER_HISTORY, OVER_I, OVER_W, OVER_LOAD, OVER_RATE, OVER_TH, OVER_MOTOR, OVER_TURNS,
+       OVER_SPEED, OVER_T, OVER_X, OVER_Y, OVER_YAW, QUANTITIES };
+/* What a side remembers: its command's last extreme, whether its size grows, and the load of its gear. */
+enum { EXTREME, WAY, CARRIED, PAST };
+#define TURNS_BY 0.01
+#define LOAD_S 0.01
 enum { DRIVE, FORWARD, BACKWARD, FLUID, VOLTS, CONSTANT, PUSH, TURN, SCRUB, ACTS };
 /* What the sensors report: v_bus, gyro_z, then i, w and th of left and right. */
 enum { V_BUS, GYRO, I_L, I_R, W_L, W_R, TH_L, TH_R, CHANNELS };
@@ -47,7 +51,7 @@ struct fmu_model {
   double servo_kp_v_s_per_rad, servo_ki_v_per_rad, servo_limit_v, servo_period_s;
   /* From here on: no variables of the FMU. */
   double t, th[2], w[2], i[2], rise[2], load[2], filtered[2], bus, mass, slope, forward[2], turn[2], inertia[2][2];
-  double integral[2], loop_at, loop_volts[2], acts[2][ACTS], made[2];
+  double integral[2], loop_at, loop_volts[2], acts[2][ACTS], made[2], past[2][PAST];
   int formed;
   asked_t *asked;
   seen_t *seen;
@@ -99,7 +103,7 @@ static double curve(const double *row, double x, double *slope) {
     return branch(row, x > 0.0, fabs(x), slope);
   }
   if (span <= 0.0) return row[VALUES];
-  const int turns = over == OVER_TH || over == OVER_MOTOR;
+  const int turns = over == OVER_TH || over == OVER_MOTOR || over == OVER_YAW;
   const double per = (turns ? POINTS : POINTS - 1) / span;
   double at = (x - row[LOW]) * per;
   if (turns) at -= floor(at / POINTS) * POINTS;
@@ -121,8 +125,12 @@ static void act(fmu_model *m, int k, const double x[QUANTITIES]) {
     const int term = (int)row[TERM], over = (int)row[OVER];
     if (term == NO_TERM) continue;
     double slope;
-    const double at = x[over], value = curve(row, at, &slope);
-    if (term == TORQUE && over == OVER_W) {
+    const double at = x[over], along = over == OVER_HISTORY && x[OVER_V] < 0.0 ? -1.0 : 1.0;
+    const double value = along * curve(row, at, &slope);
+    if (term == TORQUE && over == OVER_LOAD) {
+      acts[FORWARD] -= value;
+      acts[BACKWARD] -= curve(row, -at, &none);
+    } else if (term == TORQUE && over == OVER_W) {
       acts[FORWARD] -= at > 0.0 ? value : branch(row, 1, 0.0, &none);
       acts[BACKWARD] += at < 0.0 ? value : branch(row, 0, 0.0, &none);
       acts[FLUID] -= slope;
@@ -143,6 +151,27 @@ static void act(fmu_model *m, int k, const double x[QUANTITIES]) {
     } else if (term == YAW_TORQUE) {
       acts[TURN] += value;
     }
+  }
+}
+
+/* Follow a command, V, through its turns: whether its size grows, or has fallen back from an extreme. */
+static void follow(fmu_model *m, int k, double volts) {
+  double *past = m->past[k], slack = -1.0;
+  for (int n = 0; n < MOST; n++) {
+    const double *row = m->forms[k][n];
+    if (row[TERM] != 0.0 && row[OVER] == OVER_HISTORY) slack = fmax(slack, TURNS_BY * row[HIGH]);
+  }
+  if (slack < 0.0) return;
+  const double size = fabs(volts), extreme = fabs(past[EXTREME]);
+  if (volts * past[EXTREME] < 0.0 || past[WAY] == 0.0) {
+    past[EXTREME] = volts;
+    if (size > 0.0) past[WAY] = 1.0;
+  } else if (past[WAY] > 0.0) {
+    if (size < extreme - slack) past[WAY] = -1.0;
+    if (size > extreme || past[WAY] < 0.0) past[EXTREME] = volts;
+  } else {
+    if (size > extreme + slack) past[WAY] = 1.0;
+    if (size < extreme || past[WAY] > 0.0) past[EXTREME] = volts;
   }
 }
 
@@ -186,7 +215,7 @@ static void push_seen(fmu_model *m) {
   s->t = m->t;
   s->value[V_BUS] = m->bus;
   s->value[GYRO] = rate_of(m) * m->gyro_gain + m->gyro_bias_rad_s;
-  s->value[GYRO] += reads(m, 0, GYRO_SENSOR, OVER_RATE, s->value[GYRO]);
+  s->value[GYRO] += reads(m, 0, GYRO_SENSOR, OVER_RATE, s->value[GYRO]) + reads(m, 0, GYRO_SENSOR, OVER_T, m->t);
   for (int k = 0; k < 2; k++) {
     const double speed = m->speed_filter_s[k] > 0.0 ? m->filtered[k] : m->w[k];
     s->value[I_L + k] = m->i[k] * m->current_gain[k] + m->current_bias_a[k];
@@ -249,6 +278,7 @@ const char *fmu_initialise(fmu_model *m) {
   m->bus = m->supply_v;
   m->formed = 0;
   memset(m->acts, 0, sizeof m->acts);
+  memset(m->past, 0, sizeof m->past);
   m->made[0] = m->made[1] = 0.0;
   for (int k = 0; k < 2; k++)
     for (int n = 0; n < MOST; n++) {
@@ -383,8 +413,9 @@ static void slip(const fmu_model *m, double a[2][2], const double b[2], double h
 
 /* What side k adds to the half implicit step: damping to a, impulse to b. */
 static void drive(fmu_model *m, const double asked[2], int k, double h, double a[2][2], double b[2], double *volts,
-                  double *ohm, double *fluid) {
-  const double ke = m->back_emf_v_s_per_rad[k], limit = m->limit_v[k];
+                  double *ohm, double *fluid, double *extra) {
+  /* What changes the torque of a current changes the back-EMF of a speed by the same share. */
+  const double ke = m->back_emf_v_s_per_rad[k] * (1.0 + m->acts[k][CONSTANT]), limit = m->limit_v[k];
   const double u = within((driver(m, asked[k], k) + m->acts[k][VOLTS]) * m->bus / m->supply_v, -limit, limit);
   *volts = u - within(u - ke * m->w[k], -m->drop_v[k], m->drop_v[k]);
   *ohm = m->resistance_ohm[k] * (1.0 + m->rise[k]);
@@ -394,13 +425,16 @@ static void drive(fmu_model *m, const double asked[2], int k, double h, double a
   const double damping = gear * ke / *ohm + *fluid;
   const double ripple = m->ripple_nm[k] * sin(m->ripple_cycles[k] * (m->th[k] + 0.5 * h * m->w[k]) +
                                               m->ripple_phase_rad[k]);
+  *extra = ripple + m->acts[k][DRIVE];
   a[k][k] += 0.5 * h * damping;
-  b[k] += h * (gear * *volts / *ohm + ripple + m->acts[k][DRIVE] - 0.5 * damping * m->w[k]);
+  b[k] += h * (gear * *volts / *ohm + *extra - 0.5 * damping * m->w[k]);
 }
 
 /* Current, heat, load and reported speed of side k after the step. */
-static void settle(fmu_model *m, int k, double h, double now, double volts, double ohm, double fluid, double impulse) {
-  const double ke = m->back_emf_v_s_per_rad[k], w = m->w[k], tau = m->speed_filter_s[k];
+static void settle(fmu_model *m, int k, double h, double now, double volts, double ohm, double fluid, double extra,
+                   double impulse) {
+  const double ke = m->back_emf_v_s_per_rad[k] * (1.0 + m->acts[k][CONSTANT]);
+  const double w = m->w[k], tau = m->speed_filter_s[k];
   const double mean = 0.5 * (w + now);
   const double current = (volts - ke * mean) / ohm;
   m->i[k] = (volts - ke * now) / ohm;
@@ -409,6 +443,10 @@ static void settle(fmu_model *m, int k, double h, double now, double volts, doub
   const double gear = m->gear_nm_per_a[k] * (1.0 + m->acts[k][CONSTANT]);
   const double torque = gear * current - fluid * mean - m->rotor_kg_m2[k] * (now - w) / h;
   m->load[k] = fmax(fabs(torque), fabs(torque + impulse / h));
+  if (m->formed) {
+    const double delivered = torque + extra + impulse / h;
+    m->past[k][CARRIED] += (delivered - m->past[k][CARRIED]) * (1.0 - exp(-h / LOAD_S));
+  }
   if (tau > 0.0) {
     const double ramp = (now - w) / h;
     m->filtered[k] = now - ramp * tau + (m->filtered[k] - w + ramp * tau) * exp(-h / tau);
@@ -417,7 +455,7 @@ static void settle(fmu_model *m, int k, double h, double now, double volts, doub
 }
 
 static void advance(fmu_model *m, double h) {
-  double asked[2], a[2][2], b[2], volts[2], ohm[2], fluid[2], now[2], impulses[2];
+  double asked[2], a[2][2], b[2], volts[2], ohm[2], fluid[2], extra[2], now[2], impulses[2];
   const double *w = m->w, *f = m->forward, *g = m->turn, top = m->supply_v;
   command_now(m, asked);
   const double draw = (m->i[0] * within(asked[0], -top, top) + m->i[1] * within(asked[1], -top, top)) / top;
@@ -425,13 +463,28 @@ static void advance(fmu_model *m, double h) {
   if (m->formed)
     for (int k = 0; k < 2; k++) {
       const double turns = rate_of(m), moves = f[0] * w[0] + f[1] * w[1], angle = m->th[k] + 0.5 * h * w[k];
-      const double x[QUANTITIES] = {0.0,   within(asked[k], -top, top), settled(m, k),  w[k],  turns, angle,
-                                    m->gear_ratio * angle,      moves * turns, moves, m->t,  m->x,  m->y};
+      const double volts_now = within(asked[k], -top, top);
+      follow(m, k, volts_now);
+      const double x[QUANTITIES] = {0.0,
+                                    volts_now,
+                                    m->past[k][WAY] * fabs(volts_now),
+                                    settled(m, k),
+                                    w[k],
+                                    m->past[k][CARRIED],
+                                    turns,
+                                    angle,
+                                    m->gear_ratio * angle,
+                                    moves * turns,
+                                    moves,
+                                    m->t,
+                                    m->x,
+                                    m->y,
+                                    m->yaw};
       act(m, k, x);
     }
   memcpy(a, m->inertia, sizeof a);
   for (int j = 0; j < 2; j++) b[j] = a[j][0] * w[0] + a[j][1] * w[1];
-  for (int k = 0; k < 2; k++) drive(m, asked, k, h, a, b, &volts[k], &ohm[k], &fluid[k]);
+  for (int k = 0; k < 2; k++) drive(m, asked, k, h, a, b, &volts[k], &ohm[k], &fluid[k], &extra[k]);
   const double speed = f[0] * w[0] + f[1] * w[1], rate = rate_of(m);
   const double heading = m->yaw + 0.5 * h * rate - m->uphill_yaw_rad;
   const double pull = m->mass * GRAVITY_M_S2 * sin(m->slope);
@@ -441,7 +494,7 @@ static void advance(fmu_model *m, double h) {
                        m->acts[0][TURN];
   for (int k = 0; k < 2; k++) b[k] += h * (f[k] * push + g[k] * twist);
   slip(m, a, b, h, now, impulses);
-  for (int k = 0; k < 2; k++) settle(m, k, h, now[k], volts[k], ohm[k], fluid[k], impulses[k]);
+  for (int k = 0; k < 2; k++) settle(m, k, h, now[k], volts[k], ohm[k], fluid[k], extra[k], impulses[k]);
   const double after = g[0] * now[0] + g[1] * now[1];
   const double middle = m->yaw + 0.25 * h * (rate + after);
   const double way = 0.5 * h * (speed + f[0] * now[0] + f[1] * now[1]);
