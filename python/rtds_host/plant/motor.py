@@ -79,6 +79,15 @@ def rotor_balance(h, inertia, fluid, torque, slope, w):
 
 
 @law
+def gear_input(h, torque, fluid, inertia, before, after):
+    """Torque that a rotor passes on to its gear over a step, N·m: torque - fluid w - J w' at the mid-point.
+
+    torque : N·m, of the motor; fluid : N·m·s/rad; inertia : kg·m²; before, after : rad/s; all at the wheel's side.
+    """
+    return torque - 0.5 * fluid * (before + after) - inertia * (after - before) / h
+
+
+@law
 def warmer(rise, h, heat, tau, current, resistance):
     """Relative rise of a winding's resistance after a step: rise' = (heat i² R - rise) / tau (contract, section 3).
 

@@ -33,35 +33,26 @@ from rtds_host.plant.torques import TORQUES
 TRIALS = 2
 
 R, L, KM, KB, J, B = side_indices("resistance", "inductance", "torque_constant", "back_emf", "rotor_inertia", "viscous")
-RADIUS, CURVE, V_GAIN, DEADZONE, DROP, LIMIT = side_indices(
-    "radius", "pwm_curve", "voltage_gain", "deadzone", "drop", "limit"
-)
-HEAT_RISE, HEAT_TAU = side_indices("heat_rise", "heat_tau")
+CURVE, V_GAIN, DEADZONE, DROP, LIMIT = side_indices("pwm_curve", "voltage_gain", "deadzone", "drop", "limit")
+RADIUS, HEAT_RISE, HEAT_TAU, C_GAIN = side_indices("radius", "heat_rise", "heat_tau", "command_gain")
 COULOMB, STRIBECK, STRIBECK_W = side_indices("coulomb", "stribeck", "stribeck_speed")
 VISCOUS_W, ASYM, ASYM_V, LOAD = side_indices("viscous_wheel", "asymmetry", "asymmetry_viscous", "load_share")
 BACKLASH, RESTITUTION, STIFF, DAMP = side_indices("backlash", "restitution", "stiffness", "damping")
 SLIP, SLIP_LENGTH, SLIP_DAMPING, SLIP_GRIP = side_indices("slip", "slip_relaxation", "slip_damping", "slip_grip")
-W_GAIN, I_GAIN, I_BIAS, W_TAU, W_DELAY = side_indices(
-    "speed_gain", "current_gain", "current_bias", "speed_tau", "speed_delay"
+W_GAIN, W_TAU, W_DELAY = side_indices("speed_gain", "speed_tau", "speed_delay")
+I_GAIN, I_BIAS = side_indices("current_gain", "current_bias")
+GEAR, SUPPLY, SOURCE_R, DECLINE = common_indices("gear_ratio", "supply", "source_resistance", "decline")
+MASS, IZ, JW, TRACK, COM_X, COM_Y = common_indices("mass", "yaw_inertia", "wheel_inertia", "track", "com_x", "com_y")
+SCRUB, ROLLING, SLOPE_X, GYRO_GAIN, GYRO_BIAS = common_indices(
+    "scrub", "rolling", "slope_extra", "gyro_gain", "gyro_bias"
 )
-C_GAIN = SIDE_INDEX["command_gain"]
-GEAR, SUPPLY, MASS, IZ, JW, TRACK = common_indices(
-    "gear_ratio", "supply", "mass", "yaw_inertia", "wheel_inertia", "track"
+CMD_EARLY, CMD_DELAY, MEAS_DELAY, LATENCY = common_indices(
+    "command_early", "command_delay", "measurement_delay", "latency"
 )
-SOURCE_R, DECLINE, SCRUB, ROLLING, COM_X, COM_Y = common_indices(
-    "source_resistance", "decline", "scrub", "rolling", "com_x", "com_y"
-)
-CMD_EARLY = common_indices("command_early")[0]
-SLOPE_X, GYRO_GAIN, GYRO_BIAS, CMD_DELAY, MEAS_DELAY = common_indices(
-    "slope_extra", "gyro_gain", "gyro_bias", "command_delay", "measurement_delay"
-)
-MODE, TORQUE_V, BUS_MEAS, LATENCY, AT_WHEEL = common_indices(
-    "mode", "torque_per_volt", "bus_measured", "latency", "encoder_at_wheel"
-)
-KP, KI, SERVO_LIMIT, SERVO_T, RELEASE = common_indices(
-    "servo_kp", "servo_ki", "servo_limit", "servo_period", "servo_release"
-)
-AXIS, AX_J, AX_M, AX_ARM, AX_ZERO = common_indices("axis", "axis_inertia", "axis_mass", "axis_arm", "axis_zero")
+MODE, TORQUE_V, BUS_MEAS, AT_WHEEL = common_indices("mode", "torque_per_volt", "bus_measured", "encoder_at_wheel")
+KP, KI, SERVO_LIMIT, SERVO_T = common_indices("servo_kp", "servo_ki", "servo_limit", "servo_period")
+RELEASE, AXIS, AX_J, AX_M = common_indices("servo_release", "axis", "axis_inertia", "axis_mass")
+AX_ARM, AX_ZERO = common_indices("axis_arm", "axis_zero")
 # Torques over the wheel's angle or speed: their sum, and whether there is any, of a side's row.
 torque_of, shaped_by = map(law, functions(TORQUES, "side, k", lambda entry: f"side[k, {SIDE_INDEX[entry.name]}]"))
 
@@ -76,13 +67,8 @@ CURRENT, SPEED, GYRO = (forms.TERM_CODE[f"{name}_sensor"] for name in ("current"
 @law
 def dry_of(side, k, com):
     """Whether a side has dry friction of its parameters."""
-    return (
-        side[k, COULOMB] != 0.0
-        or side[k, STRIBECK] != 0.0
-        or side[k, ASYM] != 0.0
-        or side[k, LOAD] != 0.0
-        or com[ROLLING] != 0.0
-    )
+    own = side[k, COULOMB] != 0.0 or side[k, STRIBECK] != 0.0 or side[k, ASYM] != 0.0
+    return own or side[k, LOAD] != 0.0 or com[ROLLING] != 0.0
 
 
 @loop
@@ -217,15 +203,11 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
     kap = np.zeros(2)
     of_0, of_1, of_w, det = 0.0, 0.0, 0.0, 0.0
     p = np.zeros(2)
-    load_j = com[JW]
-    if axis == 1:
-        load_j = com[AX_J]
-    elif axis == 2:
-        load_j = com[AX_J] + (com[AX_M] + run[0]) * com[AX_ARM] ** 2
-    elif axis == 3:
-        load_j = (com[AX_M] + run[0]) * com[AX_ARM] ** 2
+    swung, weight = com[AX_M] + run[0], 0.0  # an axis' mass, kg, and its weight's torque in the step, N·m
+    load_j = com[JW] if axis == 0 else (com[AX_J] if axis == 1 else swung * com[AX_ARM] ** 2)
+    if axis == 2:
+        load_j += com[AX_J]
     load_i = 1.0 / load_j
-    swung, weight = com[AX_M] + run[0], 0.0  # a pendulum's mass, kg, and its weight's torque in the step, N·m
 
     now = t[0]
     kc = 0  # next command to act, at t_cmd[kc] + dc
@@ -234,11 +216,9 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
     lagging = side[0, W_DELAY] > 0.0 or side[1, W_DELAY] > 0.0
     kp = 0  # next pose sample, at t[kp] - dp
     servo_next = t[0]
-    bus = supply
     level = 1.0  # bus over its nominal voltage
     row_bus = bus_log[0]
-    wcmd0 = 0.0
-    wcmd1 = 0.0
+    wanted = np.zeros(2)  # command in force, as given
     end = t[n - 1]
     while kp < n or ka < n:
         # ---- events at this instant: samples first, then commands (contract, section 1)
@@ -251,11 +231,8 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
             current = 0.0
             for k in range(sides):
                 current += driver.bus_current(cur[k], va[k], supply)
-            if com[BUS_MEAS] > 0.0:
-                bus = row_bus
-            else:
-                bus = driver.loaded_bus(supply, com[SOURCE_R], current, com[DECLINE], now - run[3])
-            out[ka, 0] = bus
+            bus = driver.loaded_bus(supply, com[SOURCE_R], current, com[DECLINE], now - run[3])
+            out[ka, 0] = row_bus if com[BUS_MEAS] > 0.0 else bus
             for k in range(2):
                 out[ka, 1 + k] = sensors.scaled(cur[k], side[k, I_GAIN], side[k, I_BIAS])
                 if side[k, W_DELAY] <= 0.0:
@@ -287,11 +264,9 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
         while kc < m and t_cmd[kc] + dc <= now + 1e-9:
             changed = True
             row_bus = bus_log[kc]
-            if mode == 2:
-                wcmd0 = cmd[kc, 0]
-                wcmd1 = cmd[kc, 1] if sides == 2 else 0.0
-            else:
-                for k in range(sides):
+            for k in range(sides):
+                wanted[k] = cmd[kc, k]
+                if mode != 2:
                     va[k] = driver.clipped(cmd[kc, k], supply) if mode == 0 else cmd[kc, k]
             kc += 1
         if mode == 2 and servo_next <= now + 1e-9:
@@ -300,7 +275,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                 told = seen[k] * side[k, W_GAIN]
                 if formed:
                     told += forms.reads(curves[k], SPEED, OVER_W + 1, told)
-                miss = (wcmd0 if k == 0 else wcmd1) * side[k, C_GAIN] - told
+                miss = wanted[k] * side[k, C_GAIN] - told
                 limit = min(com[SERVO_LIMIT], supply)
                 va[k], integ[k] = driver.servo(miss, integ[k], com[KP], com[KI], com[SERVO_T], limit, com[RELEASE])
             while servo_next <= now + 1e-9:
@@ -313,11 +288,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                     forms.follow(curves[k], va[k], past[k])
 
         # ---- next event
-        ahead = end + 1.0
-        if kp < n:
-            ahead = min(ahead, t[kp] - dp)
-        if ka < n:
-            ahead = min(ahead, t[ka] - dm)
+        ahead = min(t[kp] - dp if kp < n else end + 1.0, t[ka] - dm if ka < n else end + 1.0)
         if lagging:
             for k in range(2):
                 if side[k, W_DELAY] > 0.0 and kw[k] < n:
@@ -372,6 +343,12 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                         decay[k], rise_v[k], mean_v[k], mean_i[k], c1[k], m1[k] = motor.armature_factors(
                             h, res, side[k, L], ke, exponential
                         )
+                if side[k, SLIP] > 0.0:
+                    rim, slip, length = side[k, RADIUS] * wn[k], side[k, SLIP], side[k, SLIP_LENGTH]
+                    slid = rim - v - (2 * k - 1) * half * rate
+                    give[k], yield_z[k], tangent[k], taken[k] = ground.shear(
+                        h, slip, length, theta[k], shear_i[k], grip[k], whole[k], tyre[k], abs(rim), slid, math.tanh
+                    )
             if formed:
                 about[OVER_RATE], about[OVER_SPEED], about[OVER_TURNS] = rate, v, v * rate
                 about[OVER_T], about[OVER_X], about[OVER_Y], about[OVER_YAW] = elapsed, x, y, yaw
@@ -410,18 +387,15 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                 weight = ground.pendulum(swung, com[AX_ARM], th[0] + 0.5 * h * wn[0] - com[AX_ZERO], math.sin)
             for trial in range(outer):
                 # ---- driver and armature: mean current = m0 - m1 * rotor speed at the end of the step
-                if com[BUS_MEAS] > 0.0:
-                    bus = row_bus
-                else:
-                    bus = driver.unloaded_bus(supply, com[DECLINE], elapsed + 0.5 * h)
-                    if com[SOURCE_R] != 0.0:
-                        # Newton's step: a higher bus drives more current, which lowers it.
-                        current, lowers = 0.0, 0.0
-                        for k in range(sides):
-                            current += driver.bus_current(im[k], va[k], supply)
-                            lowers += motor.bus_current_slope(mean_v[k], mean_i[k], rise_v[k], ve[k], va[k], supply)
-                        bus = driver.sagging(supply, com[SOURCE_R], level, bus, current, lowers)
-                level = bus / supply
+                bus = driver.unloaded_bus(supply, com[DECLINE], elapsed + 0.5 * h)
+                if com[SOURCE_R] != 0.0:
+                    # Newton's step: a higher bus drives more current, which lowers it.
+                    current, lowers = 0.0, 0.0
+                    for k in range(sides):
+                        current += driver.bus_current(im[k], va[k], supply)
+                        lowers += motor.bus_current_slope(mean_v[k], mean_i[k], rise_v[k], ve[k], va[k], supply)
+                    bus = driver.sagging(supply, com[SOURCE_R], level, bus, current, lowers)
+                level = (row_bus if com[BUS_MEAS] > 0.0 else bus) / supply
                 for k in range(sides):
                     if mode == 1:
                         drive = driver.amplifier(ve[k] * level, side[k, LIMIT], com[TORQUE_V]) * ratio
@@ -530,23 +504,6 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                         a00 = side[0, RADIUS] * beta[0] + w0
                         a11 = side[1, RADIUS] * beta[1] + w1
                         if slipping:
-                            for k in range(2):
-                                yield_z[k] = 0.0
-                                if side[k, SLIP] > 0.0:
-                                    rim = side[k, RADIUS] * wn[k]
-                                    give[k], yield_z[k], tangent[k], taken[k] = ground.shear(
-                                        h,
-                                        side[k, SLIP],
-                                        side[k, SLIP_LENGTH],
-                                        theta[k],
-                                        shear_i[k],
-                                        grip[k],
-                                        whole[k],
-                                        tyre[k],
-                                        abs(rim),
-                                        rim - v - (2 * k - 1) * half * rate,
-                                        math.tanh,
-                                    )
                             a00 += give[0]
                             a11 += give[1]
                         if a00 != of_0 or a11 != of_1 or wx != of_w:
@@ -622,11 +579,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                                 torque *= 1.0 + acts[k, forms.CONSTANT]
                             if mode == 1:
                                 torque = driver.amplifier(ve[k] * level, side[k, LIMIT], com[TORQUE_V]) * ratio
-                            tin[k] = (
-                                torque
-                                - 0.5 * fluid * (wmn[k] + wm[k])
-                                - ratio * ratio * side[k, J] * (wm[k] - wmn[k]) / h
-                            )
+                            tin[k] = motor.gear_input(h, torque, fluid, ratio * ratio * side[k, J], wmn[k], wm[k])
                             tout[k] = load_j * (w[k] - wn[k]) / h + side[k, RADIUS] * force[k] - weight
 
             # ---- a long step ends where flanks part: once more, in short ones

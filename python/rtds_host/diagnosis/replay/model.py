@@ -84,6 +84,11 @@ class Model:
         values, place = self._entry(name, sides)
         values[place] = value
 
+    def declare(self, **values: float) -> None:
+        """Set several entries, of both sides where they have sides."""
+        for name, value in values.items():
+            self.put(name, value)
+
     def get(self, name: str, side: int = 0) -> float:
         """One entry."""
         return float(self.side[side, SIDE_INDEX[name]] if name in SIDE_INDEX else self.common[COMMON_INDEX[name]])
@@ -155,45 +160,33 @@ def nominal_model(robot: Robot) -> Model:
     """The nominal robot of the contract (section 2), or the single axis of its section 7."""
     side = np.array([entry.nominal or 0.0 for entry in SIDE.values()])
     model = Model(np.vstack([side, side]), np.array([entry.nominal or 0.0 for entry in COMMON.values()]))
-    motor = robot.motor
-    torque_mode = robot.driver.mode == "torque"
-    # In torque mode the electrical values play no part; any finite ones serve.
-    model.put("resistance", 1.0 if torque_mode else motor.resistance_ohm)
-    model.put("inductance", 1.0 if torque_mode else motor.inductance_h)
-    model.put("torque_constant", 0.0 if torque_mode else motor.torque_constant_nm_per_a)
-    model.put("back_emf", 0.0 if torque_mode else motor.back_emf_constant_v_s_per_rad)
-    model.put("rotor_inertia", motor.rotor_inertia_kg_m2)
-    model.put("viscous", motor.viscous_friction_nm_s_per_rad)
-    model.put("gear_ratio", motor.gear_ratio)
-    model.put("supply", robot.supply_v)
-    model.put("mode", {"voltage": 0, "torque": 1, "speed": 2}[robot.driver.mode])
-    model.put("bus_measured", 1.0 if robot.driver.bus == "measured" else 0.0)
-    model.put("encoder_at_wheel", 1.0 if robot.encoder == "wheel" else 0.0)
+    motor, driver, torque_mode = robot.motor, robot.driver, robot.driver.mode == "torque"
     if torque_mode:
-        model.put("torque_per_volt", robot.driver.torque_nm_per_v)
+        # The electrical values play no part; any finite ones serve.
+        model.declare(resistance=1.0, inductance=1.0, torque_constant=0.0, back_emf=0.0)
+        model.declare(torque_per_volt=driver.torque_nm_per_v)
+    else:
+        model.declare(resistance=motor.resistance_ohm, inductance=motor.inductance_h)
+        model.declare(torque_constant=motor.torque_constant_nm_per_a, back_emf=motor.back_emf_constant_v_s_per_rad)
+    model.declare(rotor_inertia=motor.rotor_inertia_kg_m2, viscous=motor.viscous_friction_nm_s_per_rad)
+    model.declare(gear_ratio=motor.gear_ratio, supply=robot.supply_v, encoder_at_wheel=robot.encoder == "wheel")
+    model.declare(mode=["voltage", "torque", "speed"].index(driver.mode), bus_measured=driver.bus == "measured")
     if robot.servo is not None:
-        model.put("servo_kp", robot.servo.kp_v_s_per_rad)
-        model.put("servo_ki", robot.servo.ki_v_per_rad)
-        model.put("servo_limit", robot.servo.limit_v)
-        model.put("servo_period", robot.servo.period_s)
+        servo = robot.servo
+        model.declare(servo_kp=servo.kp_v_s_per_rad, servo_ki=servo.ki_v_per_rad)
+        model.declare(servo_limit=servo.limit_v, servo_period=servo.period_s)
     if robot.chassis is not None:
         body = robot.chassis
         # A wheel without inertia would have no speed of its own while its gear's flanks are apart.
         least = WEIGHTLESS * body.mass_kg * body.wheel_radius_m**2
-        model.put("mass", body.mass_kg)
-        model.put("yaw_inertia", body.yaw_inertia_kg_m2)
-        model.put("wheel_inertia", max(body.wheel_inertia_kg_m2, least))
-        model.put("track", body.track_width_m)
-        model.put("radius", body.wheel_radius_m)
-        model.put("com_x", body.com_x_m)
-        model.put("com_y", body.com_y_m)
+        model.declare(mass=body.mass_kg, yaw_inertia=body.yaw_inertia_kg_m2, track=body.track_width_m)
+        model.declare(wheel_inertia=max(body.wheel_inertia_kg_m2, least), radius=body.wheel_radius_m)
+        model.declare(com_x=body.com_x_m, com_y=body.com_y_m)
     else:
         axis = robot.sole_axis
-        model.put("axis", {"inertia": 1, "pendulum": 2, "linear": 3}[axis.kind])
-        model.put("axis_inertia", axis.inertia_kg_m2)
-        model.put("axis_mass", axis.mass_kg)
-        model.put("axis_arm", axis.length_m if axis.kind == "pendulum" else axis.metres_per_rad)
-        model.put("axis_zero", axis.zero_rad)
+        arm = axis.length_m if axis.kind == "pendulum" else axis.metres_per_rad
+        model.declare(axis=["inertia", "pendulum", "linear"].index(axis.kind) + 1, axis_arm=arm)
+        model.declare(axis_inertia=axis.inertia_kg_m2, axis_mass=axis.mass_kg, axis_zero=axis.zero_rad)
     return model
 
 

@@ -55,9 +55,12 @@ _COMMON = 2 * _SIDE
         "gyro_bias", "source_resistance", "latency", "command_delay", "encoder_at_wheel"))
 _COMMON_ROWS = len(COMMON) + 37
 (H, BEGUN, NOW, DONE, BUS_ROW, I11, I12, I22, HALF, PULL, UP_X, UP_Y, DRY, LEVEL, GX, GZ, X, Y, YAW, V, RATE, DIR_X,
- DIR_Y, RATE_N, V_N, DV, DR, A00, A11, WX, DET, SPIN, H_MAX, DELAY, FOLLOWS, SINCE, PER_SPAN) = (
+ DIR_Y, RATE_N, V_N, DV, BRAKE, A00, A11, WX, DET, SPIN, H_MAX, DELAY, FOLLOWS, SINCE, PER_SPAN) = (
     _COMMON + k * SIMD_WIDTH for k in range(len(COMMON), _COMMON_ROWS))
 # fmt: on
+# Rows that accepting a step changes.
+_ACCEPTED: tuple[int, ...] = (X, Y, YAW, DIR_X, DIR_Y, V, RATE)
+_ACCEPTED += tuple(o + row for o in (0, _SIDE) for row in (CUR, RISE, TH, WF, PLAY, WHOLE, TYRE))
 # Regimes of a side's gear, as numbers that a row holds.
 _RIGID, _SPRING, _FREE, _PUSH_F, _PUSH_B = map(float, (gear.RIGID, gear.SPRING, gear.FREE, gear.PUSH_F, gear.PUSH_B))
 # Numerical: numbers that the state has.
@@ -249,20 +252,11 @@ def _is_free(s, l):
 @loop
 def _kept_state(s, l, kept, back):
     """Keep what accepting a step changes in a lane, or bring it back."""
-    n = 0
-    for row in (X, Y, YAW, DIR_X, DIR_Y, V, RATE):
+    for n, row in enumerate(_ACCEPTED):
         if back:
             s[row + l] = kept[n]
         else:
             kept[n] = s[row + l]
-        n += 1
-    for k in range(2):
-        for row in (CUR, RISE, TH, WF, PLAY, WHOLE, TYRE):
-            if back:
-                s[k * _SIDE + row + l] = kept[n]
-            else:
-                kept[n] = s[k * _SIDE + row + l]
-            n += 1
 
 
 @loop
@@ -308,7 +302,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
     # whether its flanks part in this span; whether a step is taken once more, and what it began with.
     plays, fine, limit = np.zeros(SIMD_WIDTH, np.bool_), np.zeros(SIMD_WIDTH), np.zeros(SIMD_WIDTH)
     parts, redone = np.zeros(SIMD_WIDTH, np.bool_), np.zeros(SIMD_WIDTH, np.bool_)
-    initial_state = np.zeros((SIMD_WIDTH, 21))
+    initial_state = np.zeros((SIMD_WIDTH, len(_ACCEPTED)))
     while True:
         # Whether what hangs on a step's length and a winding's warmth is to be found again.
         renewed = heated
@@ -445,8 +439,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                         s[row] = 0.0
                         row += lanes
                     s[H + l] = s[LOAD_J + l] = s[SUPPLY + l] = s[I11 + l] = s[I22 + l] = 1.0
-                    for i in range(2):
-                        o = i * _SIDE + l
+                    for o in range(l, _COMMON, _SIDE):
                         s[o + INERTIA] = s[o + GRIP] = s[o + THETA] = s[o + PER_SHEAR] = 1.0
                         s[o + RES] = s[o + IND] = s[o + STRIBECK_W] = 1.0
                     shapes[l] = False
@@ -512,8 +505,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
         # longer than all the rest of an event: all lanes go in a batch, and one whose step is the same finds the same
         # again.
         if renewed:
-            for k in range(2):
-                o = k * _SIDE
+            for o in range(0, _COMMON, _SIDE):
                 for l in range(lanes):
                     res = motor.warm(s[o + RES + l], s[o + RISE + l])
                     decay, rise_v, mean_v, mean_i, c1, m1 = motor.armature_factors(
@@ -522,22 +514,19 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                     s[o + DECAY + l], s[o + RISE_V + l], s[o + MEAN_V + l] = decay, rise_v, mean_v
                     s[o + MEAN_I + l], s[o + C1 + l], s[o + M1 + l] = mean_i, c1, m1
             if filtered:
-                for k in range(2):
-                    o = k * _SIDE
+                for o in range(0, _COMMON, _SIDE):
                     for l in range(lanes):
                         tau = s[o + SPEED_TAU + l]
                         fade = exp_minus(s[H + l] / (tau if tau > 0.0 else 1.0))
                         s[o + FADE + l] = fade if tau > 0.0 else 0.0
             if slipping:
-                for k in range(2):
-                    o = k * _SIDE
+                for o in range(0, _COMMON, _SIDE):
                     for l in range(lanes):
                         theta, factor = ground.shear_step(s[H + l], s[o + SHEAR_TAU + l])
                         s[o + THETA + l], s[o + PER_SHEAR + l] = theta, factor
         # ---- one step of all lanes: torques by angle and speed, the body's forces and the bus
         if shaped:
-            for k in range(2):
-                o = k * _SIDE
+            for o in range(0, _COMMON, _SIDE):
                 for l in range(lanes):
                     half = 0.5 * s[H + l]
                     share = min(max((s[NOW + l] + s[DONE + l] + half - s[SINCE + l]) * s[PER_SPAN + l], 0.0), 1.0)
@@ -562,55 +551,47 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
         if formed:
             _formed(s, job, curved, which, sides, coms, curves, shaped, about, acts, past)
         if faded:
-            for k in range(2):
-                o = k * _SIDE
+            for o in range(0, _COMMON, _SIDE):
                 for l in range(lanes):
                     relative = s[o + WM + l] / s[o + STRIBECK_W + l]
                     s[o + EXTRA + l] = friction.stribeck(relative, s[o + STRIBECK + l], exp_minus)
-        for k in range(2):
-            o = k * _SIDE
+        for o in range(0, _COMMON, _SIDE):
             for l in range(lanes):
                 w = s[o + WM + l]
                 s[o + WN + l], s[o + WMN + l] = s[o + W + l], w
                 s[o + STICK + l] = friction.direction(w)
         if iterated:
             # What the current comes to at the bus before and an even speed.
-            for k in range(2):
-                o = k * _SIDE
+            for o in range(0, _COMMON, _SIDE):
                 for l in range(lanes):
                     w, cur = s[o + WMN + l], s[o + CUR + l]
                     emf = s[o + KE + l] * w
                     volts = driver.winding_voltage(s[o + VD + l] * s[LEVEL + l], emf, s[o + LIM + l], s[o + DROP + l])
-                    s[o + MEAN + l] = motor.even_current(
-                        cur, volts, emf, s[o + DECAY + l], s[o + RISE_V + l], s[o + MEAN_V + l], s[o + MEAN_I + l]
+                    decay, rise_v, mean_v, mean_i = (
+                        s[o + DECAY + l],
+                        s[o + RISE_V + l],
+                        s[o + MEAN_V + l],
+                        s[o + MEAN_I + l],
                     )
+                    s[o + MEAN + l] = motor.even_current(cur, volts, emf, decay, rise_v, mean_v, mean_i)
         if flexible:
-            for k in range(2):
-                o = k * _SIDE
+            for o in range(0, _COMMON, _SIDE):
                 for l in range(lanes):
                     s[o + WAS + l], s[o + HELD + l] = s[o + CONTACT + l], s[o + FORCE + l]
-                    bounces = gear.bounces(
-                        s[o + CONTACT + l] == _FREE, s[o + RESTITUTION + l], s[o + WMN + l], s[o + WN + l]
-                    )
+                    free, restitution = s[o + CONTACT + l] == _FREE, s[o + RESTITUTION + l]
+                    bounces = gear.bounces(free, restitution, s[o + WMN + l], s[o + WN + l])
                     s[o + BOUNCES + l] = 1.0 if bounces else 0.0
         if slipping:
             # As in `kernel.replay`; what its shear would be without slip is nothing.
             for k in range(2):
                 o = k * _SIDE
                 for l in range(lanes):
-                    slip, rim = s[o + SLIP + l], s[o + RADIUS + l] * s[o + WN + l]
+                    rim, slip, length = s[o + RADIUS + l] * s[o + WN + l], s[o + SLIP + l], s[o + LENGTH + l]
+                    theta, factor, grip = s[o + THETA + l], s[o + PER_SHEAR + l], s[o + GRIP + l]
+                    whole, tyre, slid = s[o + WHOLE + l], s[o + TYRE + l], rim - s[V + l]
+                    slid -= (2 * k - 1) * s[HALF + l] * s[RATE + l]
                     give, yields, tangent, taken = ground.shear(
-                        s[H + l],
-                        slip,
-                        s[o + LENGTH + l],
-                        s[o + THETA + l],
-                        s[o + PER_SHEAR + l],
-                        s[o + GRIP + l],
-                        s[o + WHOLE + l],
-                        s[o + TYRE + l],
-                        abs(rim),
-                        rim - s[V + l] - (2 * k - 1) * s[HALF + l] * s[RATE + l],
-                        tanh,
+                        s[H + l], slip, length, theta, factor, grip, whole, tyre, abs(rim), slid, tanh
                     )
                     s[o + TANGENT + l], s[o + TAKEN + l], s[o + GIVE + l] = tangent, taken, give
                     s[o + YIELDS + l] = yields if slip > 0.0 else 0.0
@@ -636,25 +617,16 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                     elapsed = s[NOW + l] + s[DONE + l] - s[BEGUN + l] - 0.5 * s[H + l]
                     bus = driver.unloaded_bus(s[SUPPLY + l], s[DECLINE + l], elapsed)
                     s[LEVEL + l] = (s[BUS_ROW + l] if s[MEASURED + l] > 0.0 else bus) / s[SUPPLY + l]
-            for k in range(2):
-                o = k * _SIDE
+            for o in range(0, _COMMON, _SIDE):
                 for l in range(lanes):
                     h = s[H + l]
                     w = s[o + WMN + l]
                     ke = s[o + KE + l]
-                    volts = driver.winding_voltage(
-                        s[o + VD + l] * s[LEVEL + l], ke * w, s[o + LIM + l], s[o + DROP + l]
-                    )
+                    asked = s[o + VD + l] * s[LEVEL + l]
+                    volts = driver.winding_voltage(asked, ke * w, s[o + LIM + l], s[o + DROP + l])
+                    decay, rise_v, mean_v = s[o + DECAY + l], s[o + RISE_V + l], s[o + MEAN_V + l]
                     c0, m0 = motor.armature(
-                        s[o + CUR + l],
-                        volts,
-                        ke,
-                        w,
-                        s[o + DECAY + l],
-                        s[o + RISE_V + l],
-                        s[o + MEAN_V + l],
-                        s[o + MEAN_I + l],
-                        s[o + C1 + l],
+                        s[o + CUR + l], volts, ke, w, decay, rise_v, mean_v, s[o + MEAN_I + l], s[o + C1 + l]
                     )
                     s[o + C0 + l], s[o + M0 + l] = c0, m0
                     torque = s[o + GKM + l] * m0 + s[o + SHAPED + l]
@@ -670,8 +642,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
             if flexible:
                 # Implicit mid-point for the spring: its mean torque = turn + kap * (rotor - wheel), at the end of the
                 # step.
-                for k in range(2):
-                    o = k * _SIDE
+                for o in range(0, _COMMON, _SIDE):
                     for l in range(lanes):
                         h, am, load_j = s[H + l], s[o + AM + l], s[LOAD_J + l]
                         kap = gear.spring_gain(h, s[o + STIFF + l], s[o + DAMP + l])
@@ -679,14 +650,12 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                         s[o + KAP + l], s[o + SPRING_I + l] = kap, spring_i
                         s[o + FREE_I + l], s[o + HELD_I + l] = 1.0 / am, gear.held_gain(h, load_j, kap)
                         s[o + BEHIND_I + l] = gear.behind_gain(h, load_j, kap, spring_i)
-                        s[o + TURN + l] = gear.spring_start(
-                            s[o + STIFF + l], s[o + PLAY + l], kap, s[o + WMN + l], s[o + WN + l]
-                        )
+                        play, wmn, wn = s[o + PLAY + l], s[o + WMN + l], s[o + WN + l]
+                        s[o + TURN + l] = gear.spring_start(s[o + STIFF + l], play, kap, wmn, wn)
             # ---- velocities at the end of the step; a lane whose guess held finds the same again
             for attempt in range(20):
                 if flexible:
-                    for k in range(2):
-                        o = k * _SIDE
+                    for o in range(0, _COMMON, _SIDE):
                         for l in range(lanes):
                             h, kind, stick, load_j = s[H + l], s[o + CONTACT + l], s[o + STICK + l], s[LOAD_J + l]
                             stuck = s[DRY + l] > 0.0 and stick == 0.0
@@ -722,42 +691,32 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                             s[o + ALPHA] = moves * ((s[o + BM] + s[LOAD_J + l] * s[o + WN] - p) * s[o + RIGID])
                             s[o + BETA] = moves * (s[H + l] * s[o + RADIUS] * s[o + RIGID])
                 for l in range(lanes):
-                    h = s[H + l]
-                    i11, i12, i22, half = s[I11 + l], s[I12 + l], s[I22 + l], s[HALF + l]
-                    w0, w1, wx = ground.wheel_moves(h, i11, i12, i22, half)
-                    a00 = s[RADIUS + l] * s[BETA + l] + w0 + s[GIVE + l]
-                    a11 = s[_SIDE + RADIUS + l] * s[_SIDE + BETA + l] + w1 + s[_SIDE + GIVE + l]
-                    det = 1.0 / (a00 * a11 - wx * wx)
-                    q = s[SPIN + l] * h * s[SCRUB + l]
-                    dv, dr = ground.body_moves(h, i11, i12, i22, s[GX + l], s[GZ + l], q)
-                    b0, b1 = _rim_gaps(s, l, half, dv, dr)
-                    f0, f1 = ground.tractions(a00, a11, wx, det, b0, b1)
-                    s[ASKED + l], s[_SIDE + ASKED + l] = f0, f1
-                    f0, f1 = _held_back(s, l, f0, f1, b0, b1, a00, a11, wx)
-                    s[FORCE + l], s[_SIDE + FORCE + l], s[DV + l], s[DR + l] = f0, f1, dv, dr
-                    s[A00 + l], s[A11 + l], s[WX + l], s[DET + l] = a00, a11, wx, det
-                    s[RATE_N + l] = s[RATE + l] + dr + ground.yawed(h, i12, i22, half, f0, f1)
-                if scrubbed:
+                    s[BRAKE + l] = s[SPIN + l] * s[H + l] * s[SCRUB + l]
+                for turn in range(2 if scrubbed else 1):
+                    if turn == 1:
+                        for l in range(lanes):
+                            i12, i22, half, most = s[I12 + l], s[I22 + l], s[HALF + l], s[H + l] * s[SCRUB + l]
+                            a00, a11, wx, det = s[A00 + l], s[A11 + l], s[WX + l], s[DET + l]
+                            # Where the scrub would reverse the turn: the impulse that stops it, within its bound.
+                            gain = ground.scrub_gain(s[H + l], i12, i22, half, a00, a11, wx, det)
+                            stop = ground.stopping(s[BRAKE + l], s[RATE_N + l], gain, most, i22)
+                            reverses = s[SCRUB + l] != 0.0 and s[SPIN + l] * s[RATE_N + l] <= 0.0
+                            s[BRAKE + l] = stop if reverses else s[BRAKE + l]
                     for l in range(lanes):
                         h = s[H + l]
                         i11, i12, i22, half = s[I11 + l], s[I12 + l], s[I22 + l], s[HALF + l]
-                        a00, a11, wx, det, most = s[A00 + l], s[A11 + l], s[WX + l], s[DET + l], h * s[SCRUB + l]
-                        # The scrub would reverse the turn: find the impulse that stops it, within its bound.
-                        gain = ground.scrub_gain(h, i12, i22, half, a00, a11, wx, det)
-                        q = ground.stopping(s[SPIN + l] * most, s[RATE_N + l], gain, most, i22)
-                        dv, dr = ground.body_moves(h, i11, i12, i22, s[GX + l], s[GZ + l], q)
+                        w0, w1, wx = ground.wheel_moves(h, i11, i12, i22, half)
+                        a00 = s[RADIUS + l] * s[BETA + l] + w0 + s[GIVE + l]
+                        a11 = s[_SIDE + RADIUS + l] * s[_SIDE + BETA + l] + w1 + s[_SIDE + GIVE + l]
+                        det = 1.0 / (a00 * a11 - wx * wx)
+                        dv, dr = ground.body_moves(h, i11, i12, i22, s[GX + l], s[GZ + l], s[BRAKE + l])
                         b0, b1 = _rim_gaps(s, l, half, dv, dr)
                         f0, f1 = ground.tractions(a00, a11, wx, det, b0, b1)
-                        reverses = s[SCRUB + l] != 0.0 and s[SPIN + l] * s[RATE_N + l] <= 0.0
-                        s[ASKED + l] = f0 if reverses else s[ASKED + l]
-                        s[_SIDE + ASKED + l] = f1 if reverses else s[_SIDE + ASKED + l]
+                        s[ASKED + l], s[_SIDE + ASKED + l] = f0, f1
                         f0, f1 = _held_back(s, l, f0, f1, b0, b1, a00, a11, wx)
-                        s[FORCE + l] = f0 if reverses else s[FORCE + l]
-                        s[_SIDE + FORCE + l] = f1 if reverses else s[_SIDE + FORCE + l]
-                        s[DV + l] = dv if reverses else s[DV + l]
-                        s[RATE_N + l] = (
-                            s[RATE + l] + dr + ground.yawed(h, i12, i22, half, f0, f1) if reverses else s[RATE_N + l]
-                        )
+                        s[FORCE + l], s[_SIDE + FORCE + l], s[DV + l] = f0, f1, dv
+                        s[A00 + l], s[A11 + l], s[WX + l], s[DET + l] = a00, a11, wx, det
+                        s[RATE_N + l] = s[RATE + l] + dr + ground.yawed(h, i12, i22, half, f0, f1)
                 for l in range(lanes):
                     h, half = s[H + l], s[HALF + l]
                     f0, f1 = s[FORCE + l], s[_SIDE + FORCE + l]
@@ -765,8 +724,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                     s[W + l] = s[ALPHA + l] - s[BETA + l] * f0
                     s[_SIDE + W + l] = s[_SIDE + ALPHA + l] - s[_SIDE + BETA + l] * f1
                 if flexible:
-                    for k in range(2):
-                        o = k * _SIDE
+                    for o in range(0, _COMMON, _SIDE):
                         for l in range(lanes):
                             h, kind, stick = s[H + l], s[o + CONTACT + l], s[o + STICK + l]
                             load_j, kap, dry = s[LOAD_J + l], s[o + KAP + l], s[DRY + l] > 0.0
@@ -822,15 +780,13 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                     break
             if not iterated:
                 break
-            for k in range(2):
-                o = k * _SIDE
+            for o in range(0, _COMMON, _SIDE):
                 for l in range(lanes):
                     w, wn, wm, wmn = s[o + W + l], s[o + WN + l], s[o + WM + l], s[o + WMN + l]
                     mean, plain = s[o + M0 + l] - s[o + M1 + l] * wm, s[o + FLUID + l]
                     s[o + MEAN + l] = mean
-                    s[o + INPUT + l] = (
-                        s[o + GKM + l] * mean - 0.5 * plain * (wmn + wm) - s[o + INERTIA + l] * (wm - wmn) / s[H + l]
-                    )
+                    torque, inertia = s[o + GKM + l] * mean, s[o + INERTIA + l]
+                    s[o + INPUT + l] = motor.gear_input(s[H + l], torque, plain, inertia, wmn, wm)
                     s[o + OUTPUT + l] = s[LOAD_J + l] * (w - wn) / s[H + l] + s[o + RADIUS + l] * s[o + FORCE + l]
             trial += 1
             if trial == TRIALS:
@@ -851,8 +807,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                     again = 1
                     _kept_state(s, l, initial_state[l], False)
         # ---- accept the step
-        for k in range(2):
-            o = k * _SIDE
+        for o in range(0, _COMMON, _SIDE):
             for l in range(lanes):
                 h, w, wn, tau = s[H + l], s[o + WM + l], s[o + WMN + l], s[o + SPEED_TAU + l]
                 mean = s[o + M0 + l] - s[o + M1 + l] * w
@@ -867,8 +822,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                 seen, seen_n = wheel if behind else w, wheel_n if behind else wn
                 s[o + WF + l] = sensors.low_pass(s[o + WF + l], seen, seen_n, h, tau, s[o + FADE + l])
         if flexible:
-            for k in range(2):
-                o = k * _SIDE
+            for o in range(0, _COMMON, _SIDE):
                 for l in range(lanes):
                     h, kind, play, w, wm = s[H + l], s[o + CONTACT + l], s[o + PLAY + l], s[o + W + l], s[o + WM + l]
                     wn, wmn, forwards = s[o + WN + l], s[o + WMN + l], kind == _PUSH_F
@@ -895,8 +849,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
             s[YAW + l] += h * rate_mid
             s[V + l], s[RATE + l] = s[V_N + l], s[RATE_N + l]
         if slipping:
-            for k in range(2):
-                o = k * _SIDE
+            for o in range(0, _COMMON, _SIDE):
                 for l in range(lanes):
                     whole = ground.sheared(
                         s[o + WHOLE + l], s[o + ASKED + l], s[o + TAKEN + l], s[o + TANGENT + l], s[o + GRIP + l]
@@ -911,8 +864,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
             for l in range(lanes):
                 if redone[l]:
                     _kept_state(s, l, initial_state[l], True)
-                    for k in range(2):
-                        o = k * _SIDE + l
+                    for o in range(l, _COMMON, _SIDE):
                         s[o + W], s[o + WM] = s[o + WN], s[o + WMN]
                         s[o + CONTACT], s[o + FORCE] = s[o + WAS], s[o + HELD]
                     s[DONE + l] -= s[H + l]
