@@ -1,4 +1,4 @@
-"""Which effects of the most probable explanation are included, how probable each is, and which are indistinguishable.
+"""The attribution of a gap: which effects are included, how probable each is, and which are indistinguishable.
 
 Where a gap remains, an effect is included if it reduces the residual on held-out runs (cross-validation, `choice`): the
 model is not exact then, and its likelihood overrates any small improvement. Where only noise is left the likelihood is
@@ -25,6 +25,7 @@ from rtds_host.diagnosis.search.moves import removing
 from rtds_host.diagnosis.search.store import Store
 from rtds_host.diagnosis.thresholds import FEW_SHARE, MAJORITY
 
+Cause = tuple[str, str]
 # Why an effect of the most probable explanation is not included.
 NEGLIGIBLE = "closes hardly any of the gap"
 NOT_CROSS_VALIDATED = "does not reduce the residual of held-out runs"
@@ -40,7 +41,7 @@ class EffectEvidence:
     with it over that without it, on held-out runs (`choice.residual_ratio`); probability : that it is present.
     """
 
-    cause: tuple[str, str]
+    cause: Cause
     without: Fit
     refitted: Fit
     gaps: tuple[float, float]
@@ -64,72 +65,56 @@ class Attribution:
     fit: Fit
     base: Fit
     included: tuple[EffectEvidence, ...]
-    rejected: dict[tuple[str, str], str]
-    indistinguishable: tuple[tuple[tuple[str, str], ...], ...]
+    rejected: dict[Cause, str]
+    indistinguishable: tuple[tuple[Cause, ...], ...]
     alternatives: tuple[tuple[Hypothesis, float], ...]
-    shares: dict[tuple[str, str], float] = field(default_factory=dict)
+    shares: dict[Cause, float] = field(default_factory=dict)
 
-    def share(self, cause: tuple[str, str]) -> float:
+    def share(self, cause: Cause) -> float:
         """An effect's share of its probability; indistinguishable ones have the rest (contract, section 5)."""
         return self.shares.get(cause, 1.0)
 
 
 def attribute(search: Search, fit: Fit) -> Attribution:
     """The attribution of a gap to an explanation's effects: those that are included, each by its own evidence."""
-    rejected: dict[tuple[str, str], str] = {}
     store = search.store
     simple = removing.pruned(store, fit) if store.within_noise(fit) else _simplest(store, fit)
-    return _eliminated(search, simple if store.admissible(simple) else fit, rejected)
+    return _eliminated(search, simple if store.admissible(simple) else fit, {})
 
 
-def without_effects(search: Search, before: Attribution, removed: dict[tuple[str, str], str]) -> Attribution:
+def without_effects(search: Search, before: Attribution, removed: dict[Cause, str]) -> Attribution:
     """An attribution without some of its effects, the others fitted and judged again.
 
     removed : these effects, and why each is no longer included.
     """
-    store, kept = search.store, {cause: u for cause, u in before.fit.parts.items() if cause not in removed}
+    store, base, rejected = search.store, before.base, before.rejected | removed
+    kept = {cause: u for cause, u in before.fit.parts.items() if cause not in removed}
     if not kept:
-        return Attribution(
-            before.base, before.base, (), before.rejected | removed, (), _alternatives(store, before.base, [], [])
-        )
-    return _eliminated(search, store.try_fit(*joined(kept), before.fit), before.rejected | removed)
+        return Attribution(base, base, (), rejected, (), _alternatives(store, base, [], []))
+    return _eliminated(search, store.try_fit(*joined(kept), before.fit), rejected)
 
 
-def _eliminated(search: Search, fit: Fit, rejected: dict[tuple[str, str], str]) -> Attribution:
+def _eliminated(search: Search, fit: Fit, rejected: dict[Cause, str]) -> Attribution:
     """The attribution by backward elimination. Effects that are removed are added to `rejected`."""
-    store = search.store
+    store, effects = search.store, []
     while fit.hypothesis:
         refitted = store.converged(removing.without(store, fit, *fit.hypothesis))
         effects = [_evidence_for(store, fit, cause, one) for cause, one in zip(fit.hypothesis, refitted)]
-        exact = store.within_noise(fit)
-        removed = (
-            (_unlikely(effects) or _negligible(store, effects, fit))
-            if exact
-            else _fails_cross_validation(store, effects)
-        )
+        removed = _weakest(store, fit, effects)
         if removed is None:
             break
         one, rejected[one.cause] = removed
         (fit,) = store.converged([one.refitted])
-    else:
-        effects = []
     base = _base(store)
     if fit.hypothesis and left_out_gap(store.problem, fit) > left_out_gap(store.problem, base):
         rejected |= {cause: NOT_CROSS_VALIDATED for cause in fit.hypothesis}
-        fit, effects = store.fits[()], []
+        fit = store.fits[()]
     if not fit.hypothesis:
-        fit = base
-    indistinguishable, rivals = practically_indistinguishable(search, fit, [(s.cause, s.refitted) for s in effects])
+        fit, effects = base, []
+    sets, rivals = practically_indistinguishable(search, fit, [(s.cause, s.refitted) for s in effects])
     effects.sort(key=lambda s: -s.gain)
-    return Attribution(
-        fit,
-        base,
-        tuple(effects),
-        rejected,
-        indistinguishable,
-        _alternatives(store, fit, effects, rivals),
-        {causes[0]: _share(store, causes) for causes in indistinguishable},
-    )
+    alternatives, shares = _alternatives(store, fit, effects, rivals), {s[0]: _share(store, s) for s in sets}
+    return Attribution(fit, base, tuple(effects), rejected, sets, alternatives, shares)
 
 
 def _base(store: Store) -> Fit:
@@ -140,64 +125,41 @@ def _base(store: Store) -> Fit:
 
 def declared(problem: Problem, fit: Fit) -> Fit:
     """A fit without effects, with the nuisances fixed at their declared values."""
-    return replace(
-        fit,
-        z=np.zeros_like(fit.z),
-        residual=problem.residual(problem.nominal.with_start(fit.start)),
-        free=np.zeros_like(fit.free),
-    )
+    residual = problem.residual(problem.nominal.with_start(fit.start))
+    return replace(fit, z=np.zeros_like(fit.z), residual=residual, free=np.zeros_like(fit.free))
 
 
 def _simplest(store: Store, fit: Fit) -> Fit:
     """The explanation with effects in their simpler form, where cross-validation does not support the full form."""
-    found = HeldOutScore.of(store.problem, fit)
-    for simple in sorted(store.try_fits(removing.simpler_forms(store, fit), rough=True), key=store.score):
-        (simple,) = store.converged([simple])
-        one = HeldOutScore.of(store.problem, simple)
-        if (
-            store.admissible(simple)
-            and residual_ratio(found, one) > MAX_RESIDUAL_RATIO
-            and _forms_needed(store, simple, one, fit)
-        ):
-            return _simplest(store, simple)
+    problem, full = store.problem, HeldOutScore.of(store.problem, fit)
+    for rough in sorted(store.try_fits(removing.simpler_forms(store, fit), rough=True), key=store.score):
+        (simple,) = store.converged([rough])
+        score = HeldOutScore.of(problem, simple)
+        if store.admissible(simple) and residual_ratio(full, score) > MAX_RESIDUAL_RATIO:
+            # The simpler form must help as well.
+            less = store.converged(removing.without(store, simple, *set(simple.hypothesis) - set(fit.hypothesis)))
+            if all(residual_ratio(score, HeldOutScore.of(problem, one)) <= MAX_RESIDUAL_RATIO for one in less):
+                return _simplest(store, simple)
     return fit
 
 
-def _forms_needed(store: Store, simple: Fit, judged: HeldOutScore, fit: Fit) -> bool:
-    """Whether cross-validation supports each simpler form of an explanation's effects."""
-    simpler = set(simple.hypothesis) - set(fit.hypothesis)
-    less = store.converged(removing.without(store, simple, *simpler))
-    return all(residual_ratio(judged, HeldOutScore.of(store.problem, one)) <= MAX_RESIDUAL_RATIO for one in less)
-
-
-def _evidence_for(store: Store, fit: Fit, cause: tuple[str, str], refitted: Fit) -> EffectEvidence:
+def _evidence_for(store: Store, fit: Fit, cause: Cause, refitted: Fit) -> EffectEvidence:
     problem = store.problem
     gain, t = likelihood_gain(problem, fit, refitted)
-    share = store.excess_reduction(fit, refitted)
-    without, gap = _closest(store, fit, refitted)
-    found = HeldOutScore.of(problem, fit)
-    others = [HeldOutScore.of(problem, one) for one in ((refitted,) if without is refitted else (without, refitted))]
-    ratio = max(residual_ratio(found, one) for one in others)
+    without, gap = _smallest_gap(store, fit, refitted)
+    score = HeldOutScore.of(problem, fit)
+    ratio = max(residual_ratio(score, HeldOutScore.of(problem, one)) for one in dict.fromkeys((without, refitted)))
     evidence = [log_odds(gain, t), log_odds(*gap_gain(problem, fit, without))]
     if not store.within_noise(fit):
         # The log likelihood ratio of held-out runs, each block of time one sample of unknown variance.
         evidence.append(-0.5 * problem.block_count * math.log(ratio))
     odds = store.log_prior((cause,)) + max(evidence)
     probability = 1.0 / (1.0 + math.exp(-max(min(odds, 50.0), -50.0)))
-    return EffectEvidence(
-        cause,
-        without,
-        refitted,
-        (gap, problem.gap_as_fitted(fit.model(problem))),
-        gain,
-        t,
-        share,
-        ratio,
-        probability,
-    )
+    gaps, share = (gap, problem.gap_as_fitted(fit.model(problem))), store.excess_reduction(fit, refitted)
+    return EffectEvidence(cause, without, refitted, gaps, gain, t, share, ratio, probability)
 
 
-def _closest(store: Store, fit: Fit, without: Fit) -> tuple[Fit, float]:
+def _smallest_gap(store: Store, fit: Fit, without: Fit) -> tuple[Fit, float]:
     """The explanation without an effect, with the nuisances that give the smallest gap, and that gap. The most likely
     nuisances may give a larger gap, and so overrate the effect."""
     problem = store.problem
@@ -208,48 +170,38 @@ def _closest(store: Store, fit: Fit, without: Fit) -> tuple[Fit, float]:
     return tried[k], gaps[k]
 
 
-def _fails_cross_validation(store: Store, effects: list[EffectEvidence]) -> tuple[EffectEvidence, str] | None:
-    """The effect with the largest residual ratio on held-out runs, if that is above the limit.
-
-    Otherwise the one that reduces the gap least, if by less than `FEW_SHARE` of the gap without effects: any model may
-    reduce a small residual by so little.
-    """
+def _weakest(store: Store, fit: Fit, effects: list[EffectEvidence]) -> tuple[EffectEvidence, str] | None:
+    """The effect with the least evidence, if that does not suffice, and why."""
+    if store.within_noise(fit):
+        one = min(effects, key=lambda s: s.probability)
+        if one.probability < MAJORITY:
+            uneven = f"gain {one.gain:.0f}, {one.t:.1f} times its scatter"
+            return one, f"has evidence that is too uneven over the runs ({uneven})"
+        negligible = [(gap, one) for one in effects if (gap := _negligible_gap(store, fit, one)) is not None]
+        return (min(negligible, key=lambda found: found[0])[1], NEGLIGIBLE) if negligible else None
     one = max(effects, key=lambda s: s.residual_ratio)
     if one.residual_ratio > MAX_RESIDUAL_RATIO:
         return one, f"{NOT_CROSS_VALIDATED} (it leaves {min(one.residual_ratio, 9.99):.2f} of the unexplained part)"
-    least = FEW_SHARE * store.gap(store.fits[()])
+    # Any model may reduce a small residual by a small share of the gap without effects.
     one = min(effects, key=lambda s: s.gaps[0] - s.gaps[1])
-    return (one, NEGLIGIBLE) if one.gaps[0] - one.gaps[1] < least else None
+    return (one, NEGLIGIBLE) if one.gaps[0] - one.gaps[1] < FEW_SHARE * store.gap(store.fits[()]) else None
 
 
-def _unlikely(effects: list[EffectEvidence]) -> tuple[EffectEvidence, str] | None:
-    """The least probable effect, if its probability is below one half."""
-    one = min(effects, key=lambda s: s.probability)
-    if one.probability >= MAJORITY:
-        return None
-    return one, f"has evidence that is too uneven over the runs (gain {one.gain:.0f}, {one.t:.1f} times its scatter)"
+def _negligible_gap(store: Store, fit: Fit, one: EffectEvidence) -> float | None:
+    """Where only noise is left: the gap without an effect, if the effect's reduction of it is not significant."""
+    problem, (without, gap) = store.problem, one.gaps
+    if excess(problem, fit) > 0.0:
+        return None if enough_to_include(without, gap, one.share) else without
+    # Refitted tolerances may replace the effect nearly: only the likelihood distinguishes them then. So the gap without
+    # the effect is taken with all else unchanged. Where they replace it to within noise, its removal must raise the
+    # squared gap by more than that of noise, 1.
+    replaced = without < LEAST and excess(problem, store.fits[one.without.hypothesis]) == 0.0
+    without = max(without, problem.gap_as_fitted(absent(problem, fit, one.cause)))
+    included = enough_to_include(without, gap) and not (replaced and without**2 - gap**2 < 1.0)
+    return None if included else without
 
 
-def _negligible(store: Store, effects: list[EffectEvidence], fit: Fit) -> tuple[EffectEvidence, str] | None:
-    """Where only noise is left: the effect that reduces the gap least, if that is not significant."""
-    negligible, exact = [], excess(store.problem, fit) == 0.0
-    for one in effects:
-        without, gap = one.gaps
-        if exact:
-            # Refitted tolerances may replace the effect nearly: only the likelihood distinguishes them then. So the gap
-            # without the effect is taken with all else unchanged. Where they replace it to within noise, its removal
-            # must raise the squared gap by more than that of noise, 1.
-            replaced = without < LEAST and excess(store.problem, store.fits[one.without.hypothesis]) == 0.0
-            without = max(without, store.problem.gap_as_fitted(absent(store.problem, fit, one.cause)))
-            worth = enough_to_include(without, gap) and not (replaced and without**2 - gap**2 < 1.0)
-        else:
-            worth = enough_to_include(without, gap, one.share)
-        if not worth:
-            negligible.append((without, one))
-    return (min(negligible, key=lambda found: found[0])[1], NEGLIGIBLE) if negligible else None
-
-
-def _share(store: Store, causes: tuple[tuple[str, str], ...]) -> float:
+def _share(store: Store, causes: tuple[Cause, ...]) -> float:
     """The share of the first of a set of indistinguishable effects, by prior."""
     priors = [math.exp(store.log_prior((cause,))) for cause in causes]
     return priors[0] / sum(priors)
@@ -261,8 +213,8 @@ def _alternatives(
     others = {f.hypothesis: f for f in [*rivals, *(s.without for s in effects), store.fits[()]] if f is not fit}
     weights = {fit.hypothesis: 1.0}
     for hypothesis, other in others.items():
-        gain, t = likelihood_gain(store.problem, fit, other)
-        odds = store.log_prior(hypothesis) - store.log_prior(fit.hypothesis) - log_odds(gain, t)
+        odds = store.log_prior(hypothesis) - store.log_prior(fit.hypothesis)
+        odds -= log_odds(*likelihood_gain(store.problem, fit, other))
         weights[hypothesis] = math.exp(min(odds, 0.0))
     total = sum(weights.values())
     ranked = sorted(weights.items(), key=lambda item: (-item[1], item[0] != fit.hypothesis))

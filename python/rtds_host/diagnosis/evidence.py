@@ -23,32 +23,29 @@ from rtds_host.diagnosis.thresholds import MAJORITY, MINOR_SHARE
 
 # Probability: odds at which one block of time, and a comparison of two explanations, convinces.
 CONVINCING = 20.0
-# Of the squared gap: what makes one of 1.1 out of none (contract, section 4).
+# Of the squared gap: what opens one of 1.1 where there is none (contract, section 4).
 MIN_GAP_REDUCTION = LEAST**2 - 1.0
 
 
 def enough_to_extend(without: float, gap: float) -> bool:
-    """Whether an effect that lowers the gap from `without` to `gap` takes off a gap and a tenth of the residual: enough
-    to go on next to it.
-    """
+    """Whether an effect that lowers the gap from `without` to `gap` reduces it by what counts as a gap and a tenth of
+    the residual: enough to continue with it."""
     return without**2 - gap**2 >= max(MIN_GAP_REDUCTION, MINOR_SHARE * (gap**2 - 1.0))
 
 
 def enough_to_include(without: float, gap: float, share: float = 0.0) -> bool:
-    """Whether an effect that lowers the gap from `without` to `gap` takes off more than a substitute for the residual
-    would; `share`: what it takes off the likelihood's excess over white noise, of that without it."""
-    closes = without**2 - gap**2
-    # What makes none of a gap, for the larger part.
-    if without >= LEAST > gap and closes >= MAJORITY * (without**2 - 1.0):
+    """Whether an effect that lowers the gap from `without` to `gap` reduces it by more than a substitute for the
+    residual would; `share`: by how much it reduces the likelihood's excess over white noise, of that without it."""
+    reduction = without**2 - gap**2
+    # It closes the gap, or the larger part of it.
+    if without >= LEAST > gap and reduction >= MAJORITY * (without**2 - 1.0):
         return True
-    # What outweighs half of the residual is told from it; less of it any of a hundred forms may take.
-    return closes >= MIN_GAP_REDUCTION and (closes >= MAJORITY * (gap**2 - 1.0) or share >= MINOR_SHARE)
+    # An effect that reduces less than half of the residual could be replaced by any of a hundred forms.
+    return reduction >= MIN_GAP_REDUCTION and (reduction >= MAJORITY * (gap**2 - 1.0) or share >= MINOR_SHARE)
 
 
 def excess(problem: Problem, fit: Fit) -> float:
-    """What a fit's -2 log likelihood has beyond that of white noise alone, whose mean is 1 a residual; 0 at the
-    least.
-    """
+    """By how much a fit's -2 log likelihood exceeds that of white noise, whose mean is 1 a residual; 0 at the least."""
     return max(fit.noise.cost(fit.residual) - problem.size, 0.0)
 
 
@@ -58,16 +55,13 @@ def likelihood_gain(problem: Problem, fit: Fit, other: Fit) -> tuple[float, floa
 
 
 def gap_gain(problem: Problem, fit: Fit, other: Fit) -> tuple[float, float]:
-    """The same by the gap's measure: noise as large as all that `fit` leaves, white.
+    """The same by the gap's measure: white noise as large as all that `fit` leaves.
 
     A discrepancy that grows over a run or comes in strokes is no noise of one size: by it a likelihood may prefer in
     most blocks what replays every run worse.
     """
-    size = max(float(np.mean(fit.residual**2)), 1.0)
-    return _summed(
-        problem,
-        *(np.bincount(problem.blocks, f.residual**2 / size, minlength=problem.block_count) for f in (fit, other)),
-    )
+    size, count = max(float(np.mean(fit.residual**2)), 1.0), problem.block_count
+    return _summed(problem, *(np.bincount(problem.blocks, f.residual**2 / size, count) for f in (fit, other)))
 
 
 def _summed(problem: Problem, fit: np.ndarray, other: np.ndarray) -> tuple[float, float]:
@@ -75,10 +69,9 @@ def _summed(problem: Problem, fit: np.ndarray, other: np.ndarray) -> tuple[float
     used = np.bincount(problem.blocks, minlength=problem.block_count) > 0
     most = math.log(CONVINCING)
     gains = np.clip(0.5 * (other - fit)[used], -most, most)
-    # The scatter of one block that says nothing: where all convince alike there would be none at all.
-    scatter = math.sqrt(float(((gains - gains.mean()) ** 2).sum()) + 1.0)
     gain = float(gains.sum())
-    return gain, gain / scatter
+    # At least the scatter of one block that says nothing: where all blocks convince equally there would be none.
+    return gain, gain / math.sqrt(float(((gains - gains.mean()) ** 2).sum()) + 1.0)
 
 
 def log_odds(gain: float, t: float) -> float:
@@ -86,12 +79,12 @@ def log_odds(gain: float, t: float) -> float:
     return math.copysign(min(abs(gain), 0.5 * t * t), gain)
 
 
-def distinguishable(gain: float, t: float, part: float, blocks: int, least: float = 0.0) -> bool:
-    """Whether an explanation is told from another, which has another effect in one's place.
+def distinguishable(gain: float, t: float, share: float, blocks: int, least: float = 0.0) -> bool:
+    """Whether an explanation is distinguishable from another, which has another effect in one's place.
 
-    gain, t : as of `likelihood_gain`; part : what it takes off the other's excess over white noise, a share of that,
-    `least` the smallest that tells; blocks : of time. A form that is not quite the machine's own misses
-    the same in every block, which no scatter between blocks shows. But of a residual that is spread over so many blocks
-    any form takes one block's share by chance.
+    gain, t : as of `likelihood_gain`; share : by how much it reduces the other's excess over white noise, of that, and
+    at least `least`; blocks : of time. A form that is not quite the robot's own errs alike in every block, which no
+    scatter between blocks shows. But of a residual that is spread over so many blocks any form reduces one block's
+    share by chance.
     """
-    return log_odds(gain, t) >= math.log(CONVINCING) and part * blocks >= 1.0 and part >= least
+    return log_odds(gain, t) >= math.log(CONVINCING) and share * blocks >= 1.0 and share >= least

@@ -27,14 +27,14 @@ from rtds_host.diagnosis.start import DECLARED, Start
 Hypothesis = tuple[tuple[str, str], ...]  # ((effect, side), ...), sorted
 Effects = dict[str, Effect]
 
-# Numerical: what a step must still bring, in -2 log probability, in earnest and where a fit may be rough.
+# Numerical: the gain of a step, in -2 log probability, below which a fit has converged, and a rough fit is good enough.
 STEP_GAIN, ROUGH_GAIN = 0.2, 2.0
-# Numerical: steps of a fit in earnest, and of a rough one.
+# Numerical: most steps of a fit, and of a rough one.
 ITERATIONS, ROUGH_ITERATIONS = 8, 4
-# Numerical: a step that brought no more than this shows that the nuisances' derivatives are out of date, or the end;
-# how often they are taken again.
+# Numerical: a gain below this shows that the fit has converged, or that the nuisances' derivatives are out of date; how
+# often these are taken again.
 RENEWED, RENEWALS = 5.0, 1
-# Numerical: fits that go on side by side: a replay of each fills the lanes, and each keeps its derivatives.
+# Numerical: fits computed together: their replays fill the lanes of a batch, and each keeps its derivatives.
 AT_ONCE = 8
 # Numerical: shares of the diagonal that are added to the normal equations, and the shortest part of a step without any.
 DAMPINGS, SHORTEST = (0.0, 0.03, 1.0, 30.0), 0.05
@@ -101,8 +101,8 @@ class Fit:
     """A fitted explanation.
 
     z (k,) nuisances in sigmas; u (p,) scaled effect parameters; residual (N,) in units of noise; by_nuisance (N, k) and
-    by_effect (N, p) its derivatives, float32; `free` (k + p,) False where a parameter rests on its bound; noise: the
-    discrepancy estimated with it; start: how runs began in all of these: its replays are those that it was fitted to.
+    by_effect (N, p) its derivatives, float32; `free` (k + p,) False where a parameter lies on its bound; noise: the
+    discrepancy estimated with it; start: how runs began in all of these, so that its replays are those of its fit.
     """
 
     effects: Effects = field(repr=False)
@@ -142,6 +142,19 @@ class Fit:
         """The same less some effects."""
         return {cause: u for cause, u in self.parts.items() if cause not in causes}
 
+    def proposal(
+        self, new: Mapping[tuple[str, str], np.ndarray], without: Collection[tuple[str, str]] = ()
+    ) -> Proposal:
+        """Where to fit this explanation from with other effects, scaled parameters each, and without some of its own.
+
+        One side of an effect that is included on both sides splits that into two.
+        """
+        parts = self.parts_without(*without)
+        for effect, side in new:
+            if side != "both" and (effect, "both") in parts:
+                parts[effect, "right" if side == "left" else "left"] = parts.pop((effect, "both"))
+        return Proposal.of({**parts, **new}, self)
+
     @property
     def columns(self) -> dict[tuple[str, str], np.ndarray]:
         """Derivatives by effect, (N, n) each."""
@@ -180,18 +193,18 @@ class Fit:
         return result
 
 
-# What asks for residuals while it works: it hands out models and the longest step of each (None: what each needs), and
-# is handed their residuals, (N,) each.
+# A computation that requests residuals as it goes on: it yields models and the longest step of each (None: what each
+# needs), and is sent their residuals, (N,) each.
 T = TypeVar("T")
-Asking = Generator[tuple[list[Model], list[float] | None], list[np.ndarray], T]
+Requesting = Generator[tuple[list[Model], list[float] | None], list[np.ndarray], T]
 
 
-def side_by_side(problem: Problem, works: Iterable[Asking[T]]) -> list[T]:
-    """Do what asks for residuals side by side: what several ask for at a time is replayed in a batch, where each alone
-    would fill few lanes."""
+def side_by_side(problem: Problem, works: Iterable[Requesting[T]]) -> list[T]:
+    """Results of computations that go on together: the residuals that several request at a time are replayed in a
+    batch, of which each alone would fill few lanes."""
     waiting, asked, results = deque(enumerate(works)), {}, {}
 
-    def on(k: int, work: Asking[T], answer: list[np.ndarray] | None) -> None:
+    def on(k: int, work: Requesting[T], answer: list[np.ndarray] | None) -> None:
         try:
             asked[k] = work, *(next(work) if answer is None else work.send(answer))
         except StopIteration as end:
@@ -253,13 +266,12 @@ class Fitter:
 
     def _derivatives(
         self, hypothesis: Hypothesis, x: np.ndarray, r: np.ndarray, which: Iterable[int], high: np.ndarray
-    ) -> Asking[np.ndarray]:
+    ) -> Requesting[np.ndarray]:
         """Derivatives of the residuals r at x by some parameters, (N, count) float32."""
         models, steps = [], []
         differences = [p.difference for _, _, p in parameters(self.effects, hypothesis)]
         for j in which:
-            # A share of what the parameter is by now: what is ten times as large as usual bends its derivatives later,
-            # too.
+            # A share of the parameter's present size: the larger it is, the further its derivatives hold.
             step = 0.3 if j < self.count else differences[j - self.count] * max(1.0, 0.3 * abs(x[j]))
             if x[j] + step > high[j]:
                 step = -step
@@ -291,17 +303,17 @@ class Fitter:
 
     def _tried(
         self, hypothesis: Hypothesis, x: np.ndarray, noise: Likelihood, fixed: bool
-    ) -> Asking[tuple[np.ndarray, np.ndarray, float]]:
+    ) -> Requesting[tuple[np.ndarray, np.ndarray, float]]:
         """Parameters, their residuals and what they cost; by the weights as they are where these are `fixed`."""
         (moved,) = yield [self.model(hypothesis, x)], None
         noise = noise if fixed else noise.estimated(moved)
         return x, moved, noise.cost(moved) + prior_cost(x[: self.count], x[self.count :])
 
-    def _slid(self, hypothesis: Hypothesis, x: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-        """The same robot with what a ratio's sides have of its tolerance in common in the ratio.
+    def _with_common_part(self, hypothesis: Hypothesis, x: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+        """The same robot with the mean deviation of both sides' tolerances moved into a ratio of the same constant.
 
-        A resistance ten per cent off with no tolerance is one of seven per cent off with both tolerances at three:
-        along this line no residual changes and the prior alone speaks, too softly for steps whose derivatives are
+        A resistance ten per cent off with no tolerance is the same as seven per cent off with both tolerances at three:
+        along this line no residual changes and only the prior does, by too little for steps whose derivatives are
         differences.
         """
         for j, (effect, side, p) in enumerate(parameters(self.effects, hypothesis), self.count):
@@ -340,12 +352,12 @@ class Fitter:
             [self.fitting(hypothesis, start, z, noise, iterations, known, fixed, by_nuisance, least, held)],
         )[0]
 
-    def fitting_to(self, proposal: Proposal, rough: bool) -> Asking[Fit]:
+    def fitting_to(self, proposal: Proposal, rough: bool) -> Requesting[Fit]:
         """The fit of a proposal, which asks for the residuals that it needs."""
         hypothesis, u, near = proposal
         z = near.z
         if len(z):
-            # Nuisances that bent to stand in for an effect are a poor place to start from.
+            # Nuisances that compensated for a missing effect are a poor start.
             starts = [z, np.zeros_like(z)]
             values = to_values(self.effects, hypothesis, u)
             models = [
@@ -369,7 +381,7 @@ class Fitter:
             )
         )
 
-    def _own(self, hypothesis: Hypothesis, known: Mapping[tuple[str, str], np.ndarray]) -> list[int]:
+    def _missing_columns(self, hypothesis: Hypothesis, known: Mapping[tuple[str, str], np.ndarray]) -> list[int]:
         """Places in (z, u) of the parameters whose derivatives are not known."""
         own, at = [], self.count
         for cause in hypothesis:
@@ -378,7 +390,7 @@ class Fitter:
             at += count
         return own
 
-    def _slope(
+    def _gradient_and_hessian(
         self, x: np.ndarray, r: np.ndarray, noise: Likelihood, by_nuisance: np.ndarray, by_effect: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Gradient (k + p,) and Hessian (k + p, k + p) of half the objective, by Gauss and Newton."""
@@ -388,7 +400,7 @@ class Fitter:
         gradient = (jacobian.T @ white.astype(np.float32)).astype(float) + weight * x
         return gradient, (jacobian.T @ jacobian).astype(float) + np.diag(weight)
 
-    def derived(self, fit: Fit) -> Asking[Fit]:
+    def derived(self, fit: Fit) -> Requesting[Fit]:
         """A fit with derivatives by all its effects at its own values."""
         x = np.concatenate([fit.z, fit.u])
         (r,) = yield [self.model(fit.hypothesis, x)], None
@@ -419,20 +431,20 @@ class Fitter:
         by_nuisance: np.ndarray | None = None,
         least: float = STEP_GAIN,
         held: Collection[tuple[str, str]] = (),
-    ) -> Asking[Fit]:
+    ) -> Requesting[Fit]:
         """Fit an explanation from a start.
 
         Parameters
         ----------
         start : (p,) scaled effect parameters; z : (k,) nuisances to start from; noise : a discrepancy to begin with.
-        known : derivatives by the parameters of some of its effects, (N, n) each, to do with: a rough fit, good enough
-        to see what another effect brings or what one that is gone leaves. fixed : keep the discrepancy. by_nuisance :
-        (N, k) derivatives by the nuisances to begin with, else those about the nominal robot. least : what a step must
-        still bring, in -2 log probability. held : effects that keep the parameters of the start.
+        known : derivatives by the parameters of some of its effects, (N, n) each, that are not taken again: a rough
+        fit, good enough to compare it with and without another effect. fixed : keep the discrepancy. by_nuisance :
+        (N, k) derivatives by the nuisances to begin with, else those about the nominal robot. least : the gain of
+        a step below which it ends, in -2 log probability. held : effects that keep the parameters of the start.
         """
         k = self.count
         known = known or {}
-        own = self._own(hypothesis, known)
+        own = self._missing_columns(hypothesis, known)
         x, low, high = self._started(hypothesis, np.concatenate([z, start]), held)
         (r,) = yield [self.model(hypothesis, x)], None
         if by_nuisance is None:
@@ -447,7 +459,7 @@ class Fitter:
         free = np.ones(len(x), bool)
         for _ in range(iterations):
             by_effect = self._assembled(hypothesis, known, (yield from self._derivatives(hypothesis, x, r, own, high)))
-            gradient, hessian = self._slope(x, r, noise, by_nuisance, by_effect)
+            gradient, hessian = self._gradient_and_hessian(x, r, noise, by_nuisance, by_effect)
             free = ~(((x <= low) & (gradient > 0)) | ((x >= high) & (gradient < 0)))
             keep = np.flatnonzero(free)
             improved = 0.0
@@ -455,26 +467,25 @@ class Fitter:
                 damped = hessian[np.ix_(keep, keep)] + attempt * np.diag(np.diag(hessian)[keep])
                 step = np.zeros(len(x))
                 step[keep] = -np.linalg.solve(damped, gradient[keep])
-                promised = float(abs(gradient @ step))
+                predicted = float(abs(gradient @ step))
                 trial, moved, new = yield from self._tried(hypothesis, np.clip(x + step, low, high), noise, fixed)
-                if new >= now and promised >= least and attempt == 0.0:
-                    # Along a bent valley a part of the step leads on where damping would hold it: to the least of the
-                    # parabola through what is known of the line.
-                    part = min(max(promised / (new - now + 2.0 * promised), SHORTEST), 0.5)
+                if new >= now and predicted >= least and attempt == 0.0:
+                    # Along a curved valley a part of the step makes progress where damping would stop it: to the
+                    # minimum of the parabola through what is known of the line.
+                    part = min(max(predicted / (new - now + 2.0 * predicted), SHORTEST), 0.5)
                     trial, moved, new = yield from self._tried(
                         hypothesis, np.clip(x + part * step, low, high), noise, fixed
                     )
                 if new < now:
-                    x, r, damping = self._slid(hypothesis, trial, low, high), moved, attempt
+                    x, r, damping = self._with_common_part(hypothesis, trial, low, high), moved, attempt
                     noise = noise if fixed else noise.estimated(r)
                     improved = now - noise.cost(r) - prior_cost(x[:k], x[k:])
                     break
-                # What a step could still bring is below the noise of the choice; or the nuisances' derivatives are out
-                # of date.
-                if promised < least or (renewals and not known and since >= ROUGH_GAIN):
+                # The gain of a further step is too small to matter, or the nuisances' derivatives are out of date.
+                if predicted < least or (renewals and not known and since >= ROUGH_GAIN):
                     break
             if improved > 0.0:
-                # None at all where it is not needed: along a valley that tolerances alone close, any would hold it.
+                # None at all where it is not needed: along a valley that tolerances alone close, any would stop it.
                 damping = DAMPINGS[max(DAMPINGS.index(damping) - 1, 0)]
                 now = noise.cost(r) + prior_cost(x[:k], x[k:])
             since += improved

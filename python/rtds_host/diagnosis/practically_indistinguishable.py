@@ -1,12 +1,16 @@
-"""Which effects take an included one's place and fit as well: look-alikes, to be declared and weighed."""
+"""Effects that are practically indistinguishable on these runs: fitted in an included effect's place, they fit as well.
+
+`structurally_indistinguishable` has those that no runs of this kind could distinguish, as the effects' files say.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable
+import itertools
+from collections.abc import Callable, Container, Sequence
 
 from rtds_host.diagnosis.choice import EQUIVALENT_GAP_RATIO, HeldOutScore
 from rtds_host.diagnosis.evidence import distinguishable, enough_to_include, likelihood_gain
-from rtds_host.diagnosis.fit import Fit, Proposal, scaled
+from rtds_host.diagnosis.fit import Fit
 from rtds_host.diagnosis.gap import LEAST
 from rtds_host.diagnosis.screen import Candidate, available, clashes, start_values
 from rtds_host.diagnosis.search.driver import Search
@@ -16,158 +20,138 @@ from rtds_host.diagnosis.structurally_indistinguishable import nearly_indistingu
 from rtds_host.diagnosis.thresholds import MINOR_SHARE
 
 Cause = tuple[str, str]
-# Members that a set of look-alikes may have (contract, section 5).
+# Members that a set of indistinguishable effects may have (contract, section 5).
 LARGEST_SET = 3
 
 
 def practically_indistinguishable(
-    search: Search, fit: Fit, included: Iterable[tuple[Cause, Fit]]
+    search: Search, fit: Fit, included: Sequence[tuple[Cause, Fit]]
 ) -> tuple[tuple[tuple[Cause, ...], ...], list[Fit]]:
-    """Effects that take an included one's place and fit as well, and the fits that show it.
+    """Sets of indistinguishable effects, an included one first in each, and the fits of those that fit as well.
 
-    One that opens a gap does not fit, however few blocks of time there are to distinguish it by. included : included
-    effects and the explanation without each.
+    First come those that are structurally indistinguishable, then those nearly so that fit as well, any others that do,
+    and those nearly so that were not fitted. Each was fitted in the effect's place, lies within its bounds there and
+    opens no gap: a gyro that is upside down is no track of a negative width.
 
-    A set has few members. Those that are indistinguishable in principle come first; then those that are nearly so, if
-    they fit as well, and any others that do; those that are nearly so and were not fitted come last. Each
-    was fitted in the effect's place, lies within its bounds there and opens no gap: an upside-down gyro is no track of
-    a negative width.
+    included : included effects, and the explanation without each.
     """
-    store = search.store
-    sets, shown = [], []
-    case, there = store.problem.case, {effect.id for effect in available(store.problem)} & store.wanted
+    if not included:
+        return (), []
+    store, sets, equivalent = search.store, [], []
+    case, ids = store.problem.case, {effect.id for effect in available(store.problem)} & store.wanted
+    leaves_as_little = _leaves_as_little(store, fit)
     for one, without in included:
-        inherent, near = (
-            [cause for cause in equals if cause[0] in there and not clashes(cause, fit.hypothesis)]
+        structurally, nearly = (
+            [cause for cause in equals if cause[0] in ids and not clashes(cause, fit.hypothesis)]
             for equals in (
                 structurally_indistinguishable(case, one, fit.hypothesis),
                 nearly_indistinguishable(case, one),
             )
         )
-        swaps, further = substitutes_for(search, fit, one, without), {}
-        known = {cause for cause in swaps if cause in near or cause[0] in store.effects[one[0]].confused_with}
-        fitting = _fitting(store, fit, swaps, known)
-        # What a look-alike is confused with may be one, too: the motor's constant for viscous friction, and a gain for
-        # that.
-        further = {
-            cause: swaps.get(cause) or exchanging.swapped(store, fit, without, candidate)
-            for cause, candidate in _further(search, one, without, fitting).items()
-            if cause not in known
+        swaps = substitutes_for(search, fit, one, without)
+        known = {cause for cause in swaps if cause in nearly or cause[0] in store.effects[one[0]].confused_with}
+        gains = _as_likely(store, fit, swaps, known, leaves_as_little)
+        # What such an effect is confused with may be one, too: the motor's constant for viscous friction, and a gain
+        # for that.
+        confused = {
+            renaming.in_place(store, e, cause) for cause in gains for e in store.effects[cause[0]].confused_with
         }
-        fitting |= _fitting(store, fit, further, further)
-        found = sorted((cause not in known, gain, cause) for cause, (gain, _) in fitting.items())
-        shown += [swap for _, swap in fitting.values()]
-        others = list(dict.fromkeys([*inherent, *(cause for *_, cause in found), *near]))
-        fitted = {cause: swap for cause, swap in (swaps | further).items() if cause in others}
-        fitted |= {cause: swap for cause, (_, swap) in fitting.items()}
-        members: list[Cause] = []
-        for cause in others:
-            if len(members) < LARGEST_SET - 1 and _possible(store, fit, one, without, cause, fitted.get(cause)):
-                members.append(cause)
-        if members:
-            sets.append((one, *members))
-    return tuple(sets), shown
-
-
-def _possible(store: Store, fit: Fit, one: Cause, without: Fit, cause: Cause, met: Fit | None) -> bool:
-    """Whether another effect in one's place opens no gap at a size that it can have; `met`: a fit of it there."""
-
-    def fits(swapped: Fit) -> bool:
-        if not store.admissible(swapped):
-            return False
-        if store.within_noise(fit):
-            return not opens_gap(store.gap(swapped), store.gap(fit))
-        return (
-            HeldOutScore.of(store.problem, swapped).gap
-            <= EQUIVALENT_GAP_RATIO * HeldOutScore.of(store.problem, fit).gap
+        further = {
+            rival.cause: swaps.get(rival.cause) or exchanging.swapped(store, fit, without, rival)
+            for rival in (_screened(search, one, without, len(store.effects)) if confused else ())
+            if rival.cause in confused and rival.cause not in known
+        }
+        gains |= _as_likely(store, fit, further, further, leaves_as_little)
+        swaps |= further
+        equivalent += [swaps[cause] for cause in gains]
+        likely = sorted(gains, key=lambda cause: (cause not in known, gains[cause], cause))
+        others = (
+            cause
+            for cause in dict.fromkeys([*structurally, *likely, *nearly])
+            if cause in swaps
+            and leaves_as_little(swaps[cause])
+            or _is_possible(store, fit, one, without, cause, leaves_as_little)
         )
+        if members := tuple(itertools.islice(others, LARGEST_SET - 1)):
+            sets.append((one, *members))
+    return tuple(sets), equivalent
 
-    if met is not None and fits(met):
-        return True
+
+def _leaves_as_little(store: Store, fit: Fit) -> Callable[[Fit], bool]:
+    """Whether another explanation is admissible and leaves as little: where a gap remains, one on held-out runs that is
+    within a tenth as large; else no gap that is worth naming."""
+    if store.within_noise(fit):
+        return lambda other: store.admissible(other) and not opens_gap(store.gap(other), store.gap(fit))
+    most = EQUIVALENT_GAP_RATIO * HeldOutScore.of(store.problem, fit).gap
+    return lambda other: store.admissible(other) and HeldOutScore.of(store.problem, other).gap <= most
+
+
+def _is_possible(
+    store: Store, fit: Fit, one: Cause, without: Fit, cause: Cause, leaves_as_little: Callable[[Fit], bool]
+) -> bool:
+    """Whether an effect in another one's place leaves as little at a size that it can have."""
     effect, own = store.effects[cause[0]], dict(zip(fit.hypothesis, fit.values))[one]
     starts = start_values(effect)
-    if "ratio" in own and [p.name for p in effect.parameters] == ["ratio"] and own["ratio"]:
+    if own.get("ratio") and [p.name for p in effect.parameters] == ["ratio"]:
         # Of two factors that do the same, one is the other or its inverse.
-        starts = [*({"ratio": ratio} for ratio in (own["ratio"], 1.0 / own["ratio"])), *starts]
-    bounds = {p.name: (p.low, p.high) for p in effect.parameters}
-    inside = [{name: min(max(v, bounds[name][0]), bounds[name][1]) for name, v in start.items()} for start in starts]
-    begun = [
-        Proposal.of({**without.parts, cause: scaled(store.effects, (cause,), [values])}, without) for values in inside
-    ]
-    rough = store.try_fits(begun, rough=True)
-    if not rough:
-        return False
-    return fits(*store.converged([min(rough, key=store.score)]))
+        starts = [{"ratio": own["ratio"]}, {"ratio": 1.0 / own["ratio"]}, *starts]
+    proposals = [without.proposal({cause: effect.scaled(effect.within(values))}) for values in starts]
+    rough = store.try_fits(proposals, rough=True)
+    return bool(rough) and leaves_as_little(*store.converged([min(rough, key=store.score)]))
 
 
-def _fitting(
-    store: Store, fit: Fit, swaps: dict[Cause, Fit], known: Container[Cause]
-) -> dict[Cause, tuple[float, Fit]]:
-    """Of effects in another one's place those that fit as well, and open no gap: what the likelihood gains without
-    each, and its fit.
+def _as_likely(
+    store: Store, fit: Fit, swaps: dict[Cause, Fit], known: Container[Cause], leaves_as_little: Callable[[Fit], bool]
+) -> dict[Cause, float]:
+    """Of effects in another one's place those that fit as well, with the gain of log likelihood without each.
 
-    Where a gap remains,
-    what leaves a gap within a tenth as large on runs left out fits as well. Elsewhere the likelihood
-    tells. What is `known` to be confused with it must be told from it by more than slight a part of what it leaves: the
-    forms of a machine that is described no better differ by as much.
+    Where only noise is left the likelihood decides. Those `known` to be confused with the effect must differ by more
+    than a small share of what they leave: forms that describe a robot no better differ by as much.
     """
-    found: dict[Cause, tuple[float, Fit]] = {}
-    if not store.within_noise(fit):
-        own = HeldOutScore.of(store.problem, fit)
-        for cause, swapped in swaps.items():
-            gain, _ = likelihood_gain(store.problem, fit, swapped)
-            # More parameters always leave a little less.
-            plain = len(swapped.u) <= len(fit.u) and store.admissible(swapped)
-            if plain and HeldOutScore.of(store.problem, swapped).gap <= EQUIVALENT_GAP_RATIO * own.gap:
-                found[cause] = gain, swapped
-        return found
+    found, exact = {}, store.within_noise(fit)
     for cause, swapped in swaps.items():
-        (gain, t), taken = likelihood_gain(store.problem, fit, swapped), store.excess_reduction(fit, swapped)
-        told = distinguishable(gain, t, taken, store.problem.block_count, MINOR_SHARE if cause in known else 0.0)
-        if not told and store.admissible(swapped) and not opens_gap(store.gap(swapped), store.gap(fit)):
-            found[cause] = gain, swapped
+        gain, t = likelihood_gain(store.problem, fit, swapped)
+        if exact:
+            least = MINOR_SHARE if cause in known else 0.0
+            share = store.excess_reduction(fit, swapped)
+            worse = distinguishable(gain, t, share, store.problem.block_count, least)
+        else:
+            # More parameters always leave a little less.
+            worse = len(swapped.u) > len(fit.u)
+        if not worse and leaves_as_little(swapped):
+            found[cause] = gain
     return found
 
 
-def _further(search: Search, one: Cause, without: Fit, like: Iterable[Cause]) -> dict[Cause, Candidate]:
-    """What look-alikes of an effect are confused with, as far as it could be in its place, and where a fit of it
-    begins.
-    """
-    store = search.store
-    wanted = {
-        renaming.in_place(store, other, cause) for cause in like for other in store.effects[cause[0]].confused_with
-    }
-    if not wanted or search.limits.attribution_over_budget():
-        return {}
-    # What holds the effect is the same with a further parameter, for no better fit.
-    return {
-        c.cause: c
-        for c in exchanging.rivals(store, search.screening.screens(store, without), one, len(store.effects))
-        if c.cause in wanted and one[0] not in store.effects[c.cause[0]].contains
-    }
-
-
 def substitutes_for(search: Search, fit: Fit, one: Cause, without: Fit) -> dict[Cause, Fit]:
-    """What might be there in an effect's place, each with the fit that has it there: its substitutes, what a screening
-    without it promises, and what the search met."""
+    """Effects that could be in one's place, each with its fit there: substitutes of the same size, those that a
+    screening without it ranks first, and those of earlier fits."""
     store = search.store
     swaps = renaming.substitutes(store, fit, one)
-
-    def other(cause: Cause) -> bool:
-        # What holds the effect is the same with a further parameter, for no better fit.
-        return cause not in swaps and one[0] not in store.effects[cause[0]].contains
-
-    if not search.limits.attribution_over_budget():
-        for rival in exchanging.rivals(store, search.screening.screens(store, without), one, LARGEST_SET):
-            if other(rival.cause):
-                swaps[rival.cause] = exchanging.swapped(store, fit, without, rival)
+    for rival in _screened(search, one, without, LARGEST_SET):
+        if rival.cause not in swaps:
+            swaps[rival.cause] = exchanging.swapped(store, fit, without, rival)
     remaining = set(fit.hypothesis) - {one}
-    for hypothesis, met in store.fits.items():
-        if len(hypothesis) == len(fit.hypothesis) and remaining <= set(hypothesis) and hypothesis != fit.hypothesis:
-            (cause,) = set(hypothesis) - remaining
-            if other(cause):
-                swaps[cause] = met
+    for hypothesis, other in store.fits.items():
+        new = set(hypothesis) - remaining
+        if len(hypothesis) == len(fit.hypothesis) and len(new) == 1 and hypothesis != fit.hypothesis:
+            (cause,) = new
+            if cause not in swaps and not _contains(store, cause, one):
+                swaps[cause] = other
     return swaps
+
+
+def _screened(search: Search, one: Cause, without: Fit, count: int) -> list[Candidate]:
+    """Effects that a screening without one ranks first in its place; none once the attribution is over budget."""
+    if search.limits.attribution_over_budget():
+        return []
+    found = exchanging.rivals(search.store, search.screening.screens(search.store, without), one, count)
+    return [rival for rival in found if not _contains(search.store, rival.cause, one)]
+
+
+def _contains(store: Store, cause: Cause, one: Cause) -> bool:
+    """Whether an effect is another one with a further parameter: the same, for no better fit."""
+    return one[0] in store.effects[cause[0]].contains
 
 
 def opens_gap(other: float, gap: float) -> bool:

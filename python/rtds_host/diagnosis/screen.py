@@ -2,7 +2,7 @@
 
 A signature is the change of all residuals when an effect of typical size enters the replay, a finite change and not
 a derivative, since gaps, friction and delays have no useful derivative at zero. Signatures are whitened as the
-residuals are (`likelihood`), so that what a candidate promises is a gain of likelihood.
+residuals are (`likelihood`), so that a candidate's predicted gain is one of likelihood.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ class Signature:
 
 @dataclass
 class Candidate:
-    """An effect worth a fit: what it promises in -2 log likelihood, and scaled parameters to start from.
+    """A candidate effect: its predicted gain, in -2 log likelihood, and scaled parameters to start a fit from.
 
-    One side of an effect that is in on both stands for one of another size on that side.
+    One side of an effect that is included on both means another size on that side.
     """
 
     cause: tuple[str, str]
@@ -122,7 +122,7 @@ def changes_by_missing(changes: Mapping[Signature, np.ndarray], fit: Fit) -> lis
 
 
 class Screen:
-    """What each effect promises on top of a fit, by its signature and one whitening.
+    """The predicted gain of each effect next to a fit, by its signature and one whitening.
 
     Parameters
     ----------
@@ -264,8 +264,8 @@ class Screen:
         return sorted(result, key=lambda c: -c.gain)
 
     def pairs(self, causes: Sequence[tuple[str, str]]) -> list[tuple[float, Candidate, Candidate]]:
-        """What pairs of effects promise together, best first; of `causes`, (effect, side), those that a size alone
-        describes.
+        """Pairs of effects with their predicted gain together, largest first; of `causes`, (effect, side), those that
+        one size describes.
         """
         at: dict[tuple[str, str], int] = {}
         for k, s in enumerate(self.signatures):
@@ -369,3 +369,8 @@ def doubles(problem: Problem, cause: tuple[str, str], hypothesis: Hypothesis) ->
     if clashes(cause, hypothesis) and not splits(cause, hypothesis):
         return True
     return any(equal in hypothesis for equal in structurally_indistinguishable(problem.case, cause))
+
+
+def excluded(problem: Problem, cause: tuple[str, str], hypothesis: Hypothesis) -> bool:
+    """The same, and whether it holds the effect on both sides and this is one of these."""
+    return clashes(cause, hypothesis) or doubles(problem, cause, hypothesis)

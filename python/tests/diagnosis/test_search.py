@@ -647,7 +647,7 @@ def test_of_a_base_in_speed_mode_counts_and_radius_are_each_tried_at_the_inverse
     """Twice the counts halve the way of a base whose loop holds the speed that it counts; no slope leads from one to
     the other."""
     search, fit = fitted(make_case(), (("wheel_radius_error", "both"), {"ratio": ratio}))
-    start = renaming.approximated_by(search.store, fit, ("wheel_radius_error", "both"))["speed_gain", "both"]
+    start = renaming.approximations(search.store, fit, ("wheel_radius_error", "both"))["speed_gain", "both"]
     ((value,),) = [v.values() for v in to_values(search.store.effects, (("speed_gain", "both"),), start)]
     assert value == pytest.approx(1.0 / fit.values[0]["ratio"])
 

@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 
+import numpy as np
+
 from rtds_host.contract import Case, Robot
 from rtds_host.contract.robot import Axis
 from rtds_host.diagnosis.effects.exported import How
@@ -213,6 +215,14 @@ class Effect:
         """Parameters with its size multiplied by each factor, within its bounds."""
         p = self.parameters[0]
         return [{**values, p.name: min(max(factor * values[p.name], p.low), p.high)} for factor in factors]
+
+    def scaled(self, values: Mapping[str, float]) -> np.ndarray:
+        """Its parameters as a fit has them, (n,), from their values in SI."""
+        return np.array([p.scaled(values[p.name]) for p in self.parameters])
+
+    def within(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Values of all its parameters within their bounds, SI; of one that is missing its first start."""
+        return {p.name: min(max(values.get(p.name, p.starts[0]), p.low), p.high) for p in self.parameters}
 
     def at_its_bound(self, values: Mapping[str, float]) -> bool:
         """Whether a parameter lies at an end of what was looked at, its absence left out; as logarithms come back.

@@ -1,16 +1,16 @@
 """A beam search over sets of effects, for cases in which a gap remains.
 
-Greedy steps follow the first effect that promises most, which on a real robot is often one that does a part of
-everything. A beam keeps several explanations of each number of effects, and their choice is left to runs that were not
-used for the fit (`choice`).
+Greedy steps follow the effect with the largest gain, which on a real robot is often one that does a part of
+everything. A beam keeps several explanations of each number of effects, and held-out runs decide between them
+(`choice`).
 """
 
 from __future__ import annotations
 
-from rtds_host.diagnosis.fit import Fit, Proposal
+from rtds_host.diagnosis.fit import Fit
 from rtds_host.diagnosis.screen import Screen, clashes, sensitivities_of
 from rtds_host.diagnosis.search.driver import Search
-from rtds_host.diagnosis.search.moves.adding import entered
+from rtds_host.diagnosis.search.moves.adding import with_candidate
 from rtds_host.diagnosis.search.screening import ranked
 
 # Numerical: explanations that are kept of each number of effects, those that are fitted to convergence, the most
@@ -23,8 +23,8 @@ TRIED = {True: 12, False: 5}
 def widened(search: Search) -> dict[int, list[Fit]]:
     """Explanations of each number of effects, most probable first, up to `WIDTH` of each.
 
-    Starts come from two screenings: by the likelihood, which compares ratios of what is left, and by plain squares,
-    which see what is large.
+    Starts come from two screenings: by the likelihood, which compares ratios of residuals, and by plain squares, which
+    show what is large.
     """
     problem, store = search.problem, search.store
     # Greedy steps have been over whole runs of a robot already, which are longer than those of an axis.
@@ -54,20 +54,14 @@ def widened(search: Search) -> dict[int, list[Fit]]:
 def _extended(search: Search, beam: list[Fit]) -> list[Fit]:
     """The most probable explanations with one effect more than those of the beam, fitted to convergence."""
     problem, store, proposals = search.problem, search.store, []
+    wanted = {e for e in store.wanted if not store.effects[e].periodic}
     for fit in beam:
-        wanted = {e for e in store.wanted if not store.effects[e].periodic}
         if search.limits.search_over_budget():
             break
         sensitivities = sensitivities_of(store.fitter, fit, {}, wanted, {}, coarse=search.quick)
         screens = [Screen(problem, fit, sensitivities, noise) for noise in (fit.noise, problem.white())]
-        count = TRIED[problem.robot.axis is not None]
-        proposals += [
-            Proposal.of({**fit.parts, one.cause: entered(store, fit, one)}, fit)
-            for one in ranked(store, screens, count)
-            if not clashes(one.cause, fit.hypothesis)
-        ]
+        candidates = ranked(store, screens, TRIED[problem.robot.axis is not None])
+        proposals += [with_candidate(store, fit, c) for c in candidates if not clashes(c.cause, fit.hypothesis)]
     rough = {f.hypothesis: f for f in store.try_fits(proposals, rough=True)}
-    first = sorted(rough.values(), key=store.score)[:CONVERGED]
-    fitted = store.converged(first)
-    unique = {f.hypothesis: f for f in fitted if store.admissible(f)}
-    return sorted(unique.values(), key=store.score)[:WIDTH]
+    fitted = store.converged(sorted(rough.values(), key=store.score)[:CONVERGED])
+    return sorted(filter(store.admissible, fitted), key=store.score)[:WIDTH]

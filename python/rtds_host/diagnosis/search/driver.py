@@ -32,9 +32,7 @@ class Limits:
     """
 
     def __init__(self, problem: Problem, quick: bool):
-        self.problem = problem
-        self.quick = quick
-        self.ended = False
+        self.problem, self.quick, self.ended = problem, quick, False
         self.search_until = self.attribution_until = math.inf
 
     def begin(self) -> None:
@@ -44,27 +42,21 @@ class Limits:
 
     def search_over_budget(self) -> bool:
         """Whether the search has used its budget. It then ends with what it has found."""
-        return self._reached(self.search_until)
+        self.ended |= self.problem.work >= self.search_until
+        return self.problem.work >= self.search_until
 
     def attribution_over_budget(self) -> bool:
         """Whether the attribution has used its budget. No further indistinguishable effects are then fitted."""
-        return self._reached(self.attribution_until)
-
-    def _reached(self, work: float) -> bool:
-        reached = self.problem.work >= work
-        self.ended |= reached
-        return reached
+        self.ended |= self.problem.work >= self.attribution_until
+        return self.problem.work >= self.attribution_until
 
 
 class Search:
     """One case's search over explanations; `trace` says which steps were taken."""
 
     def __init__(self, problem: Problem, quick: bool = False, without: frozenset[str] = frozenset()):
-        self.problem = problem
-        self.quick = quick
-        self.store = Store(problem, without)
-        self.screening = Screening(quick)
-        self.limits = Limits(problem, quick)
+        self.problem, self.quick = problem, quick
+        self.store, self.screening, self.limits = Store(problem, without), Screening(quick), Limits(problem, quick)
         self.searched: set[Hypothesis] = set()  # explanations from which all effects were screened again
         self.trace: list[str] = []
 
@@ -105,24 +97,22 @@ class Search:
         return self.problem.white().estimated(self.problem.residual(nominal))
 
     def _without_effects(self, discrepancy: Likelihood) -> Fit:
-        """The explanation without any effect, with the screening started afresh."""
+        """The explanation without any effect; the next screening takes all signatures again."""
         self.screening, self.searched = self.screening.again(), {()}
         return self.store.fit_without_effects(discrepancy)
 
     def _search(self) -> Fit:
-        store, over_budget = self.store, self.limits.search_over_budget
-        discrepancy = self._discrepancy()
+        store, over_budget, discrepancy = self.store, self.limits.search_over_budget, self._discrepancy()
         self.limits.begin()
         fit = self._without_effects(discrepancy)
         for _ in range(EXCHANGES):
             fit = self.select_forward(fit)
-            fit = refining.refine_locally(store, fit, fit.hypothesis)
+            before = refining.refine_locally(store, fit, fit.hypothesis)
             count = 1 if over_budget() else 2 if self.quick else 4
-            better = self._traced("exchange", fit, exchanging.exchanged(store, self.screening, fit, count))
-            if better is fit and not over_budget():
-                better = self._traced("exchange", fit, exchanging.pairs_exchanged(store, self.screening, fit))
-            done, fit = better is fit, better
-            if done or over_budget():
+            fit = self._traced("exchange", before, exchanging.exchanged(store, self.screening, before, count))
+            if fit is before and not over_budget():
+                fit = self._traced("exchange", before, exchanging.pairs_exchanged(store, self.screening, before))
+            if fit is before or over_budget():
                 break
         # Where no gap is left the likelihood decides, even if effects are too small to be named. The attribution
         # removes these.
@@ -139,8 +129,7 @@ class Search:
 
     def _as_declared(self, fit: Fit) -> Fit:
         """The explanation with the declared headings, unless these fit significantly worse."""
-        store = self.store
-        start = store.fitter.start
+        store, start = self.store, self.store.fitter.start
         if start.headings:
             store.fitter.start = start.with_headings({})
             declared = store.fitter.fit(fit.hypothesis, fit.u, fit.z, fit.noise)
@@ -173,18 +162,16 @@ class Search:
         The effect with the largest gain may be a substitute that is supported by one run only.
         """
         store = self.store
-        met = [
+        larger = [
             f
             for f in store.fits.values()
-            if len(f.hypothesis) == len(accepted.hypothesis) + 1
+            if set(accepted.hypothesis) < set(f.hypothesis)
+            and len(f.hypothesis) == len(accepted.hypothesis) + 1
             and store.admissible(f)
-            and set(accepted.hypothesis) < set(f.hypothesis)
             and store.score(f) < store.score(accepted)
         ]
-        for fit in sorted(met, key=store.score):
-            if store.supported(fit, accepted, closest):
-                return store.converged([fit])[0]
-        return None
+        supported = (f for f in sorted(larger, key=store.score) if store.supported(f, accepted, closest))
+        return next((store.converged([f])[0] for f in supported), None)
 
     def select_forward(self, fit: Fit) -> Fit:
         """Forward selection: add effects while the evidence supports them.
@@ -196,29 +183,24 @@ class Search:
         accepted, unsupported, closest = fit, 0, store.gap(fit)
         while len(fit.hypothesis) < MOST_EFFECTS and not self.limits.search_over_budget():
             extended = self.extend(fit)
-            if extended is None or (
-                unsupported == MAX_UNSUPPORTED and not store.supported(extended, accepted, closest)
-            ):
-                other = self.best_supported(accepted, closest) if not store.within_noise(accepted) else None
-                if other is not None:
-                    new = set(other.hypothesis) - set(accepted.hypothesis)
-                    accepted = fit = self._traced("add supported", accepted, refining.refine_locally(store, other, new))
-                    unsupported, closest = 0, min(closest, store.gap(fit))
-                    continue
-                if accepted.hypothesis in self.searched or store.within_noise(accepted):
-                    break
-                # A delay or a wrong constant may have masked others in the first screening: backlash, a slipping tyre.
-                fit = accepted
-                self.searched.add(fit.hypothesis)
-                self.screening, unsupported = self.screening.again(), 0
-                continue
-            self._traced("add", fit, extended)
-            fit = self._traced("prune", extended, removing.pruned(store, extended))
-            accepted, fit = self._with_new_initial_states(accepted, fit)
-            if store.supported(fit, accepted, closest):
-                accepted, unsupported, closest = fit, 0, min(closest, store.gap(fit))
+            if extended and (unsupported < MAX_UNSUPPORTED or store.supported(extended, accepted, closest)):
+                self._traced("add", fit, extended)
+                fit = self._traced("prune", extended, removing.pruned(store, extended))
+                accepted, fit = self._with_new_initial_states(accepted, fit)
+                if store.supported(fit, accepted, closest):
+                    accepted, unsupported, closest = fit, 0, min(closest, store.gap(fit))
+                else:
+                    unsupported += 1
+            elif not store.within_noise(accepted) and (other := self.best_supported(accepted, closest)):
+                new = set(other.hypothesis) - set(accepted.hypothesis)
+                accepted = fit = self._traced("add supported", accepted, refining.refine_locally(store, other, new))
+                unsupported, closest = 0, min(closest, store.gap(fit))
+            elif accepted.hypothesis in self.searched or store.within_noise(accepted):
+                break
             else:
-                unsupported += 1
+                # A delay or a wrong constant may have masked others in the first screening: backlash, a slipping tyre.
+                fit, unsupported, self.screening = accepted, 0, self.screening.again()
+                self.searched.add(fit.hypothesis)
         return accepted
 
     def _with_new_initial_states(self, accepted: Fit, fit: Fit) -> tuple[Fit, Fit]:
@@ -228,7 +210,7 @@ class Search:
         start = problem.aligned_commands(model.with_start(problem.aligned(model)))
         if start == store.fitter.start:
             return accepted, fit
-        # Fits with other initial states or delays are not comparable: forget them.
+        # Fits with other initial states or delays are not comparable.
         store.fitter.by_nuisance, store.fitter.start = None, start
         store.restrict_to(store.fits[()], accepted, fit)
         accepted, fit = store.fits[accepted.hypothesis], store.fits[fit.hypothesis]

@@ -1,4 +1,4 @@
-"""What effects promise on top of a fit, and what one screening keeps for the next."""
+"""By how much each effect is predicted to improve a fit, and what one screening keeps for the next."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rtds_host.diagnosis.fit import Fit
 from rtds_host.diagnosis.screen import Candidate, Screen, Signature, doubles, sensitivities_of
 from rtds_host.diagnosis.search.store import Store
 
-# Numerical: sides of an effect that promise this share of what its best one does are tried, too.
+# Numerical: sides of an effect with this share of its best side's predicted gain are tried, too.
 NEARLY = 0.8
 # Numerical: effects of each screening whose signatures are taken again for the next.
 RETAKEN = 8
@@ -35,19 +35,19 @@ class Screening:
         return replace(self, slow=None)
 
     def screens(self, store: Store, fit: Fit) -> list[Screen]:
-        """What effects promise on top of a fit, by the discrepancy it leaves and by none, by the signatures of the last
-        screening.
+        """Predicted gains next to a fit, by the discrepancy it leaves and by none, with the last screening's
+        signatures.
 
-        The first hardly feels what is slow, since it may be the discrepancy; the second hardly what is small.
+        The first is insensitive to what is slow, since that may be the discrepancy; the second to what is small.
         """
         signatures, white = self.last.sensitivities if self.last else {}, store.problem.white()
         return [Screen(store.problem, fit, signatures, *by) for by in ((fit.noise, None), (white, self.last))]
 
     def renewed(self, store: Store, fit: Fit) -> tuple[list[Screen], Screening]:
-        """The same by signatures that are taken on top of the fit, and what the next screening begins with. What
-        promised little by the signatures of the last screening, and slow effects, keep these.
+        """The same with signatures that are taken next to the fit, and what the next screening begins with.
 
-        What an effect promises depends on the residuals much more than on the robot that it is added to.
+        Slow effects, and those with small predicted gains, keep the signatures of the last screening: a gain depends on
+        the residuals much more than on the robot that the effect is added to.
         """
         problem = store.problem
         periodic = [effect.id for effect in store.effects.values() if effect.periodic]
@@ -56,9 +56,9 @@ class Screening:
         before: Sequence[Screen | None] = (None, self.last)
         known: dict[Signature, np.ndarray] = {}
         if self.slow is not None and self.last is not None:
-            before = self.screens(store, fit)
-            ranked = [dict.fromkeys(c.cause[0] for c in screen.candidates()) for screen in before]
-            retaken = {effect for effects in ranked for effect in list(effects)[:RETAKEN]} | set(periodic)
+            before = screens = self.screens(store, fit)
+            ranks = [list(dict.fromkeys(c.cause[0] for c in screen.candidates())) for screen in screens]
+            retaken = {effect for effects in ranks for effect in effects[:RETAKEN]} | set(periodic)
             known = {s: m for s, m in self.last.sensitivities.items() if s.effect not in retaken} | dict(self.slow)
         signatures = sensitivities_of(store.fitter, fit, extra, store.wanted, known, self.quick and not fit.hypothesis)
         slow = self.slow
@@ -70,9 +70,7 @@ class Screening:
 
 
 def ranked(store: Store, screens: Iterable[Screen], count: int) -> list[Candidate]:
-    """The first effects of each screening, so many of each: the best side, and another that promises nearly as
-    much.
-    """
+    """The first `count` effects of each screening by predicted gain: the best side, and another with nearly as much."""
     picked: dict[tuple[str, str], Candidate] = {}
     for screen in screens:
         sides: dict[str, list[Candidate]] = {}

@@ -1,4 +1,4 @@
-"""The store of a search: fits of the explanations that were met, and how probable each is.
+"""The store of a search: the best fit of each explanation so far, and how probable each is.
 
 Their score is -2 log of evidence and prior (`fit`, `Store.log_prior`).
 """
@@ -6,11 +6,10 @@ Their score is -2 log of evidence and prior (`fit`, `Store.log_prior`).
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from rtds_host.diagnosis.effects import Effect
 from rtds_host.diagnosis.evidence import CONVINCING, enough_to_extend, excess, likelihood_gain, log_odds
 from rtds_host.diagnosis.fit import (
     ITERATIONS,
@@ -28,11 +27,10 @@ from rtds_host.diagnosis.nuisances import band
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.thresholds import MINOR_SHARE
 
-# Probability: effects that a robot has beyond its tolerances, on average; which ones and on which side is anybody's
-# guess.
+# Probability: effects that a robot has beyond its tolerances, on average, all and on any side equally probable.
 EXPECTED_EFFECTS = 2.0
 SIDE_PRIOR = {"both": 0.5, "left": 0.25, "right": 0.25}
-# Numerical: how far behind in score a rough fit is certainly the worse one, and how far it may be from one in earnest.
+# Numerical: how far behind in score a rough fit is certainly the worse one, and how far it may be from convergence.
 FAR, ROUGHLY = 200.0, 20.0
 
 
@@ -48,7 +46,7 @@ class Store:
         self.wanted = {e for e in problem.effects if e not in without}
         self.fitter = Fitter(problem)
         self.fits: dict[Hypothesis, Fit] = {}
-        self._scores: dict[tuple, float] = {}  # explanations that were fitted, what each fit began from, and its score
+        self._scores: dict[tuple, float] = {}  # scores of fits, by the explanation and where the fit started
         self._nuisances_only: Fit | None = None
         self._local_optima: dict[Hypothesis, tuple[Fit, Fit]] = {}
 
@@ -62,8 +60,8 @@ class Store:
     def prior(self, fit: Fit) -> float:
         """-2 log prior density of an explanation with its sizes.
 
-        An effect of one side is as likely as not on the other, too, of another size: friction on both wheels is one
-        cause that scatters, not two.
+        An effect of one side is on the other side too with a probability of one half, of another size: friction on both
+        wheels is one cause that scatters, not two.
         """
         left, right = ({e for e, s in fit.hypothesis if s == side} for side in ("left", "right"))
         alone = math.log(SIDE_PRIOR["right"] * EXPECTED_EFFECTS / len(self.effects))
@@ -81,17 +79,13 @@ class Store:
     def admissible(self, fit: Fit) -> bool:
         """Whether each effect exceeds its constant's tolerance, and lies strictly within its bounds.
 
-        A ratio within tolerance on R, K, J or B is a nuisance. A size at its bound replaces something else.
+        A ratio within three sigmas of the tolerance of R, K, J or B is a nuisance (contract, section 2). A size at its
+        bound replaces something else.
         """
-        return all(
-            not self._within_tolerance(self.effects[e], values) and not self.effects[e].at_its_bound(values)
-            for (e, _), values in zip(fit.hypothesis, fit.values)
-        )
-
-    def _within_tolerance(self, effect: Effect, values: Mapping[str, float]) -> bool:
-        """Whether a ratio is within three sigmas of 1 on a constant that has a tolerance (contract, section 2)."""
-        return any(
-            abs(values[p.name] - 1.0) <= band(self.problem.robot, p.of)
+        effects = [(self.effects[e], values) for (e, _), values in zip(fit.hypothesis, fit.values)]
+        return not any(effect.at_its_bound(values) for effect, values in effects) and all(
+            abs(values[p.name] - 1.0) > band(self.problem.robot, p.of)
+            for effect, values in effects
             for p in effect.parameters
             if p.name == "ratio" and p.of
         )
@@ -101,7 +95,7 @@ class Store:
         return min((f for f in self.fits.values() if self.admissible(f)), key=self.score)
 
     def more_probable(self, fit: Fit, others: Iterable[Fit]) -> Fit:
-        """The most probable of an explanation and others; one that leaves no gap gives way to convincing odds alone."""
+        """The most probable of an explanation and others; one that leaves no gap is kept unless odds are convincing."""
         best = min(others, key=self.score, default=fit)
         least = 2.0 * math.log(CONVINCING) if self.within_noise(fit) else 0.0
         return best if self.score(best) < self.score(fit) - least else fit
@@ -123,19 +117,18 @@ class Store:
         prior = self.log_prior(extended.hypothesis) - self.log_prior(fit.hypothesis)
         if prior + log_odds(*likelihood_gain(self.problem, extended, fit)) < 0.0:
             return False
-        return self.score(fit) - self.score(extended) >= MINOR_SHARE * excess(self.problem, fit) or enough_to_extend(
-            closest, self.gap(extended)
-        )
+        gain = self.score(fit) - self.score(extended)
+        return gain >= MINOR_SHARE * excess(self.problem, fit) or enough_to_extend(closest, self.gap(extended))
 
     # ---- fits
 
     def try_fit(self, hypothesis: Hypothesis, u: np.ndarray, near: Fit, rough: bool = False) -> Fit:
-        """Fit an explanation, starting from the nuisances and the discrepancy of another; the better of this and
-        an earlier fit. `rough`: with the other's derivatives by the effects that both hold at the same size."""
+        """The best fit of an explanation so far, also from scaled parameters and another fit's nuisances."""
         return self.try_fits([Proposal(hypothesis, u, near)], rough)[0]
 
     def try_fits(self, proposals: Iterable[Proposal], rough: bool = False) -> list[Fit]:
-        """The same of several proposals, side by side."""
+        """The same of several proposals, side by side; `rough`: few steps, with the derivatives of the fit that a
+        proposal starts from by the effects that both have at the same size."""
         proposals = list(proposals)
         self.scores_of(proposals, rough)
         return [self.fits[one.hypothesis] for one in proposals]
@@ -145,7 +138,7 @@ class Store:
         return self.try_fits(Proposal(f.hypothesis, f.u, f) for f in fits)
 
     def scores_of(self, proposals: Sequence[Proposal], rough: bool) -> list[float]:
-        """The same as `try_fits`, and the scores of these very fits."""
+        """Fit as `try_fits` does; the score of each of these fits, which may be worse than an earlier one's."""
         keys = [(one.hypothesis, one.u.tobytes(), one.near.hypothesis, one.near.cost, rough) for one in proposals]
         new = {k: one for k, one in zip(keys, proposals) if k not in self._scores or one.hypothesis not in self.fits}
         works = [self.fitter.fitting_to(one, rough) for one in new.values()]
@@ -158,28 +151,27 @@ class Store:
 
     def fit_without_effects(self, noise: Likelihood) -> Fit:
         """The explanation without any effect, roughly fitted from a discrepancy; it replaces an earlier one."""
-        z = np.zeros(self.fitter.count)
-        self.fits[()] = self.fitter.fit((), np.empty(0), z, noise, ROUGH_ITERATIONS)
+        self.fits[()] = self.fitter.fit((), np.empty(0), np.zeros(self.fitter.count), noise, ROUGH_ITERATIONS)
         return self.fits[()]
 
     def restrict_to(self, *fits: Fit) -> None:
-        """Forget all explanations but some, which are fitted again with runs that begin as they now do."""
+        """Keep some explanations only, fitted again with the present initial states and delays of runs."""
         kept = {f.hypothesis: f for f in fits}
         self.fits = {h: self.fitter.fit(h, f.u, f.z, f.noise, ITERATIONS) for h, f in kept.items()}
 
     def nuisances_only(self) -> Fit:
-        """The nominal robot with nuisances that bring its replay as close as their tolerance allows, whatever is
-        missing: no discrepancy, so that what they could explain is not taken for one."""
+        """The nominal robot with the nuisances that bring its replay as close as their tolerances allow: fitted by
+        white noise, so that what they could explain is not taken for a discrepancy."""
         if self._nuisances_only is None or self._nuisances_only.start != self.fitter.start:
-            flat = self.problem.white()
-            self._nuisances_only = self.fitter.fit((), np.empty(0), np.zeros(self.fitter.count), flat, fixed=True)
+            z, white = np.zeros(self.fitter.count), self.problem.white()
+            self._nuisances_only = self.fitter.fit((), np.empty(0), z, white, fixed=True)
         return self._nuisances_only
 
     def local_optima(self, fits: Sequence[Fit]) -> list[list[Fit]]:
         """Of each explanation the fit, that by plain squares from no nuisance, and that by the likelihood from there.
 
         A logarithm of squares has many local optima, since what fits a stretch well makes that stretch heavy; plain
-        squares have few, and do not depend on the noise that is declared. Which one is best runs left out decide.
+        squares have few, and do not depend on the noise that is declared. Held-out runs decide which one is best.
         Graduated non-convexity: A. Blake, A. Zisserman, Visual Reconstruction, 1987.
         """
         white = self.problem.white()

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from rtds_host.diagnosis import ripple
-from rtds_host.diagnosis.fit import Fit, Proposal, apply, joined, scaled, to_values
+from rtds_host.diagnosis.fit import Fit, Proposal, apply, to_values
 from rtds_host.diagnosis.search.store import FAR, Store
 
 # Numerical: sizes to look at about one whose misfit is rough (impacts, resonances, steps that come late), as factors.
@@ -17,10 +17,11 @@ ROUNDS = 3
 
 
 def refine_locally(store: Store, fit: Fit, causes: Iterable[tuple[str, str]]) -> Fit:
-    """The lowest optimum found about those of some effects: each round looks about the last one, so it fits."""
+    """The lowest optimum found about those of some effects; each round looks about the last one."""
     for cause in causes:
-        for values in store.effects[cause[0]].restarts if not store.within_noise(fit) else ():
-            restart = Proposal.of({**fit.parts, cause: scaled(store.effects, (cause,), [dict(values)])}, fit)
+        effect = store.effects[cause[0]]
+        for values in effect.restarts if not store.within_noise(fit) else ():
+            restart = fit.proposal({cause: effect.scaled(dict(values))})
             if store.scores_of([restart], rough=True)[0] < store.score(fit) + FAR:
                 fit = store.try_fits([restart])[0]
         for _ in range(ROUNDS):
@@ -32,30 +33,23 @@ def refine_locally(store: Store, fit: Fit, causes: Iterable[tuple[str, str]]) ->
 
 
 def lower(store: Store, fit: Fit, cause: tuple[str, str]) -> list[Proposal]:
-    """The same effects from where their misfit may fall further: the best with the nuisances that were fitted next to
-    it, and the best without any, since these bend to a size in the wrong valley."""
-    problem = store.problem
-    trials = [joined({**fit.parts, cause: part})[1] for part in _about(store, fit, cause)]
-    values = [to_values(store.effects, fit.hypothesis, u) for u in trials]
-    found = {}
+    """The same effects from where their misfit may fall further: the best with the fitted nuisances, and the best
+    without any, since these adapt to a size in the wrong valley."""
+    trials = [fit.proposal({cause: start}) for start in _around(store, fit, cause)]
+    values = [*(to_values(store.effects, fit.hypothesis, one.u) for one in trials), fit.values]
+    found: dict[int, None] = {}
     for z in (fit.z, np.zeros_like(fit.z)) if trials else ():
-        models = [
-            apply(store.effects, problem.with_nuisances(z, fit.start), fit.hypothesis, v) for v in [*values, fit.values]
-        ]
-        costs = [fit.noise.estimated(r).cost(r) for r in problem.residuals(models, [m.coarse_s for m in models])]
-        k = int(np.argmin(costs))
-        if k < len(trials):
-            found[k] = Proposal(fit.hypothesis, trials[k], fit)
-    return list(found.values())
+        nominal = store.problem.with_nuisances(z, fit.start)
+        models = [apply(store.effects, nominal, fit.hypothesis, v) for v in values]
+        residuals = store.problem.residuals(models, [m.coarse_s for m in models])
+        found[int(np.argmin([fit.noise.estimated(r).cost(r) for r in residuals]))] = None
+    return [trials[k] for k in found if k < len(trials)]
 
 
-def _about(store: Store, fit: Fit, cause: tuple[str, str]) -> list[np.ndarray]:
+def _around(store: Store, fit: Fit, cause: tuple[str, str]) -> list[np.ndarray]:
     """Other parameters of an effect from which its misfit may fall further, scaled; none where it is smooth."""
     effect, values = store.effects[cause[0]], fit.values[fit.hypothesis.index(cause)]
-    found = []
-    if effect.rough:
-        found = effect.sizes(values, ROUGH_FACTORS)
+    found = effect.sizes(values, ROUGH_FACTORS) if effect.rough else []
     if effect.periodic:
-        outs = store.problem.replay(fit.model(store.problem))
-        found = ripple.neighbours(values, ripple.turned(outs, cause[1]))
-    return [scaled(store.effects, (cause,), [trial]) for trial in found]
+        found = ripple.neighbours(values, ripple.turned(store.problem.replay(fit.model(store.problem)), cause[1]))
+    return [effect.scaled(trial) for trial in found]
