@@ -93,7 +93,7 @@ def _separation(plan: RunLog, problem: Problem, a: Fit, b: Fit, known: np.ndarra
 
 
 def _in_its_place(store: Store, attribution: Attribution, cause: tuple[str, str], other: tuple[str, str]) -> Fit:
-    """The explanation with a look-alike in place of an included effect where the search did not fit it."""
+    """The explanation with another effect in place of an included one where the search did not fit it."""
     without = next(one.without for one in attribution.included if one.cause == cause)
     start = scaled(store.effects, (other,), start_values(store.effects[other[0]])[:1])
     return store.try_fit(*joined({**without.parts, other: start}), without, rough=True)
