@@ -53,7 +53,7 @@ class Store:
     # ---- scores
 
     def log_prior(self, hypothesis: Hypothesis) -> float:
-        """Log prior probability of a set: each effect is in or out by itself."""
+        """Log prior probability of a set of effects, which are independent of one another."""
         each = EXPECTED_EFFECTS / len(self.effects)
         return sum(math.log(each * (SIDE_PRIOR[side] if self.effects[e].sided else 1.0)) for e, side in hypothesis)
 
