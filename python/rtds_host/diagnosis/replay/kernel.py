@@ -129,9 +129,8 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
     stick = np.zeros(2, np.int64)
     force = np.zeros(2)
     integ = np.zeros(2)
-    flexible = False
-    dry = False
-    outer = 1
+    flexible = dry = False
+    outer = TRIALS if com[SOURCE_R] != 0.0 or side[0, LOAD] != 0.0 or side[1, LOAD] != 0.0 else 1
     for k in range(2):
         # The start is as sensors report it: an encoder's scale acts on the angle from its zero (contract, section 3).
         th[k] = start[3 + k] / side[k, W_GAIN]
@@ -139,15 +138,9 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
         wm[k] = w[k]
         wf[k] = sensors.behind(w[k], start[9 + k] / side[k, W_GAIN], side[k, W_TAU], side[k, W_DELAY])
         cur[k] = sensors.initial_current(start[7 + k], start[11 + k], start[13 + k], side[k, I_GAIN], side[k, I_BIAS])
-        if side[k, STIFF] > 0.0:
-            contact[k] = gear.SPRING
-            flexible = True
-        elif side[k, BACKLASH] > 0.0:
-            contact[k] = gear.FREE
-            flexible = True
+        contact[k] = gear.SPRING if side[k, STIFF] > 0.0 else (gear.FREE if side[k, BACKLASH] > 0.0 else gear.RIGID)
+        flexible = flexible or contact[k] != gear.RIGID
         dry = dry or dry_of(side, k, com) or forms.holds(curves[k])
-        if side[k, LOAD] != 0.0:
-            outer = TRIALS
     formed = forms.any_of(curves)
     acts = np.zeros((2, forms.ACTS))  # what the forms of a side come to in a step
     about = np.zeros(forms.ABOUT)  # what they run over
@@ -168,10 +161,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
     i22 = 1.0 / (com[IZ] - mass * com[COM_Y] ** 2) if axis == 0 else 1.0
     i12 = com[COM_Y] * i22
     i11 = 1.0 / mass + com[COM_Y] * i12 if axis == 0 else 1.0
-    if com[SOURCE_R] != 0.0:
-        outer = TRIALS
-    v = 0.0
-    rate = 0.0
+    v, rate = 0.0, 0.0
     if axis == 0:
         v = 0.5 * (side[0, RADIUS] * w[0] + side[1, RADIUS] * w[1])
         rate = (side[1, RADIUS] * w[1] - side[0, RADIUS] * w[0]) / com[TRACK]
@@ -234,13 +224,14 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
             bus = driver.loaded_bus(supply, com[SOURCE_R], current, com[DECLINE], now - run[3])
             out[ka, 0] = row_bus if com[BUS_MEAS] > 0.0 else bus
             for k in range(2):
-                out[ka, 1 + k] = sensors.scaled(cur[k], side[k, I_GAIN], side[k, I_BIAS])
-                if side[k, W_DELAY] <= 0.0:
-                    out[ka, 3 + k] = (wf[k] if side[k, W_TAU] > 0.0 else seen[k]) * side[k, W_GAIN]
+                amperes = sensors.scaled(cur[k], side[k, I_GAIN], side[k, I_BIAS])
+                speed = (wf[k] if side[k, W_TAU] > 0.0 else seen[k]) * side[k, W_GAIN]
                 if formed:
-                    out[ka, 1 + k] += forms.reads(curves[k], CURRENT, OVER_I + 1, out[ka, 1 + k])
-                    if side[k, W_DELAY] <= 0.0:
-                        out[ka, 3 + k] += forms.reads(curves[k], SPEED, OVER_W + 1, out[ka, 3 + k])
+                    amperes += forms.reads(curves[k], CURRENT, OVER_I + 1, amperes)
+                    speed += forms.reads(curves[k], SPEED, OVER_W + 1, speed)
+                out[ka, 1 + k] = amperes
+                if side[k, W_DELAY] <= 0.0:
+                    out[ka, 3 + k] = speed
                 out[ka, 5 + k] = (th[k] + before * play[k]) * side[k, W_GAIN]
             out[ka, 7] = sensors.scaled(rate, com[GYRO_GAIN], com[GYRO_BIAS])
             if formed:
@@ -365,9 +356,8 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                         emf = side[k, KB] * ratio * (1.0 + acts[k, forms.CONSTANT]) * wm[k]
                         volts = (vd[k] + acts[k, forms.VOLTS]) * level
                         volts = driver.winding_voltage(volts, emf, side[k, LIMIT], side[k, DROP])
-                        about[forms.MEAN_I] = motor.even_current(
-                            cur[k], volts, emf, decay[k], rise_v[k], mean_v[k], mean_i[k]
-                        )
+                        mean = motor.even_current(cur[k], volts, emf, decay[k], rise_v[k], mean_v[k], mean_i[k])
+                        about[forms.MEAN_I] = mean
                     forms.act(curves[k], about, acts[k])
                     ve[k] = vd[k] + acts[k, forms.VOLTS]
                     if mode != 1:
@@ -454,11 +444,8 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                 if dry and trial == 0:
                     for k in range(sides):
                         stick[k] = 1 if wmn[k] > 0.0 else (-1 if wmn[k] < 0.0 else 0)
-                spin = 0.0
-                if scrub != 0.0:
-                    spin = friction.direction(rate)
-                rate_new = 0.0
-                v_new = 0.0
+                spin = friction.direction(rate) if scrub != 0.0 else 0.0
+                rate_new, v_new = 0.0, 0.0
                 for attempt in range(20):
                     for k in range(sides):
                         rad = side[k, RADIUS]

@@ -251,16 +251,8 @@ def row_inputs(log: RunLog, robot: Robot) -> tuple[np.ndarray, ...]:
     if commands.shape[1] == 1:
         commands = np.column_stack([commands[:, 0], np.zeros(len(commands))])
     run = np.array([log.meta.payload_kg, log.meta.slope_rad, log.meta.uphill_yaw_rad, -log.since_s])
-    t = log.t - log.t[0]
-    return (
-        t,
-        t,
-        np.ascontiguousarray(commands),
-        _filled(log, "v_bus", robot.supply_v),
-        np.empty((0, 2)),
-        run,
-        start_state(log, robot),
-    )
+    t, bus = log.t - log.t[0], _filled(log, "v_bus", robot.supply_v)
+    return t, t, np.ascontiguousarray(commands), bus, np.empty((0, 2)), run, start_state(log, robot)
 
 
 def following(inputs: tuple[np.ndarray, ...], log: RunLog) -> tuple[np.ndarray, ...]:
@@ -317,9 +309,8 @@ def piece_inputs(log: RunLog, robot: Robot, first: int, last: int) -> tuple[np.n
             volts = commands[held, k] * (bus[held] / robot.supply_v if robot.driver.bus == "measured" else 1.0)
             # Across the few electrical time constants that a start lasts, the winding is in its steady state.
             start[11 + k] = np.nan
-            start[7 + k] = (
-                volts - motor.back_emf_constant_v_s_per_rad * motor.gear_ratio * start[5 + k]
-            ) / motor.resistance_ohm
+            emf = motor.back_emf_constant_v_s_per_rad * motor.gear_ratio * start[5 + k]
+            start[7 + k] = (volts - emf) / motor.resistance_ohm
     return _cut(inputs, first, last, start)
 
 
@@ -435,20 +426,10 @@ class ReplayBatch:
         longest = [step or model.step_s for model, step in zip(models, steps or [None] * len(models))]
         out = np.empty((len(models), self.rows[-1], len(OUTPUTS)))
         which = np.array([(k, run) for run in self.order for k in range(len(models))])
-        replay_batch(
-            self._in_memory,
-            self._starts(0, len(self.inputs)),
-            (
-                np.array([m.side for m in models]),
-                np.array([m.common for m in models]),
-                np.array([m.forms for m in models]),
-            ),
-            np.array(longest),
-            FINE_STEP_S,
-            which,
-            out.reshape(-1, len(OUTPUTS)),
-            which[:, 0] * self.rows[-1] + self.rows[which[:, 1]],
-        )
+        starts, flat = self._starts(0, len(self.inputs)), out.reshape(-1, len(OUTPUTS))
+        first = which[:, 0] * self.rows[-1] + self.rows[which[:, 1]]
+        numbers = tuple(np.array([getattr(m, part) for m in models]) for part in ("side", "common", "forms"))
+        replay_batch(self._in_memory, starts, numbers, np.array(longest), FINE_STEP_S, which, flat, first)
         for model, mine in zip(models, out):
             self._put_on_clocks(model, 0, len(self.inputs), mine)
         return out

@@ -70,7 +70,7 @@ _torque_of = law(functions(TORQUES, "s, o, l", lambda entry: f"s[o + {SIDE_INDEX
 
 
 @loop
-def _begin(s, l, side, com, run, start):
+def _begin(s, l, side, com, curves, run, start):
     """Set a lane to the start of a run; arguments as of `kernel.replay`."""
     ratio = com[one.GEAR]
     mass = com[one.MASS] + run[0]
@@ -85,7 +85,10 @@ def _begin(s, l, side, com, run, start):
         s[o + INERTIA] = ratio * ratio * side[k, one.J]
         s[o + FLUID] = ratio * ratio * side[k, one.B] + side[k, one.VISCOUS_W]
         s[o + FRICTION] = side[k, one.COULOMB] + friction.rolling(com[one.ROLLING], mass, side[k, one.RADIUS])
-        if one.dry_of(side, k, com):
+        # What forms change from step to step is kept without them.
+        s[o + OWN_GKM], s[o + OWN_FLUID], s[o + OWN_FRICTION] = s[o + GKM], s[o + FLUID], s[o + FRICTION]
+        s[o + OWN_KE], s[o + OWN_VD], s[o + MADE] = s[o + KE], 0.0, 0.0
+        if one.dry_of(side, k, com) or forms.holds(curves[k]):
             dry = 1.0
         s[o + SHEAR_TAU] = ground.shear_time(side[k, one.SLIP_DAMPING], side[k, one.SLIP], side[k, one.SLIP_LENGTH])
         s[o + GRIP] = ground.grip_of(side[k, one.SLIP_GRIP], mass) if side[k, one.SLIP] != 0.0 else 1.0
@@ -118,20 +121,6 @@ def _begin(s, l, side, com, run, start):
     s[DIR_X + l], s[DIR_Y + l] = math.cos(start[2]), math.sin(start[2])
     s[V + l] = 0.5 * (s[RADIUS + l] * s[W + l] + s[_SIDE + RADIUS + l] * s[_SIDE + W + l])
     s[RATE + l] = (s[_SIDE + RADIUS + l] * s[_SIDE + W + l] - s[RADIUS + l] * s[W + l]) / com[one.TRACK]
-
-
-@loop
-def _begin_forms(s, l, curves, model, past):
-    """Keep what forms change from step to step, without them; past : (PAST,) of each lane and side."""
-    for k in range(2):
-        for n in range(forms.PAST):
-            past[l, k, n] = 0.0
-        o = k * _SIDE + l
-        s[o + OWN_GKM], s[o + OWN_FLUID], s[o + OWN_FRICTION] = s[o + GKM], s[o + FLUID], s[o + FRICTION]
-        s[o + OWN_KE] = s[o + KE]
-        s[o + OWN_VD] = s[o + MADE] = 0.0
-        if forms.holds(curves[model, k]):
-            s[DRY + l] = 1.0
 
 
 @loop
@@ -190,9 +179,8 @@ def _formed(s, job, curved, which, sides, coms, curves, shaped, about, acts, pas
             emf = s[o + KE] * s[o + WM]
             # What the current comes to with the forms of the step before.
             volts = driver.winding_voltage((s[o + OWN_VD] + s[o + MADE]) * s[LEVEL + l], emf, s[o + LIM], s[o + DROP])
-            about[forms.MEAN_I] = motor.even_current(
-                s[o + CUR], volts, emf, s[o + DECAY], s[o + RISE_V], s[o + MEAN_V], s[o + MEAN_I]
-            )
+            decay, rise_v, mean_v, mean_i = s[o + DECAY], s[o + RISE_V], s[o + MEAN_V], s[o + MEAN_I]
+            about[forms.MEAN_I] = motor.even_current(s[o + CUR], volts, emf, decay, rise_v, mean_v, mean_i)
             forms.act(curves[model, k], about, acts)
             s[o + SHAPED] = (s[o + SHAPED] if shaped else 0.0) + acts[forms.DRIVE]
             s[o + GKM] = s[o + OWN_GKM] * (1.0 + acts[forms.CONSTANT])
@@ -331,25 +319,19 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                     job[l] = j
                     running += 1
                     r = which[j, 1]
-                    _begin(s, l, sides[which[j, 0]], coms[which[j, 0]], runs[r], starts[r])
-                    _begin_forms(s, l, curves, which[j, 0], past)
-                    s[H_MAX + l] = h_max[which[j, 0]]
-                    fine[l] = min(h_max[which[j, 0]], h_play)
-                    s[BUS_ROW + l] = buses[cmd_first[r]]
+                    of_model, model, first = sides[which[j, 0]], which[j, 0], cmd_first[r]
+                    _begin(s, l, of_model, coms[model], curves[model], runs[r], starts[r])
+                    past[l] = 0.0
+                    s[H_MAX + l], s[BUS_ROW + l], fine[l] = h_max[model], buses[first], min(h_max[model], h_play)
                     sample[l] = pose[l] = begin[l] = lagging[0, l] = lagging[1, l] = t_first[r]
                     last[l] = t_first[r + 1]
-                    for i in range(2):
-                        held_s[i, l] = sides[which[j, 0], i, one.W_DELAY]
+                    held_s[0, l], held_s[1, l] = of_model[0, one.W_DELAY], of_model[1, one.W_DELAY]
                     lags[l] = held_s[0, l] > 0.0 or held_s[1, l] > 0.0
-                    command[l], last_command[l] = cmd_first[r], cmd_first[r + 1]
-                    next_sample[l], next_pose[l] = ts[t_first[r]] - s[DELAY + l], ts[t_first[r]] - s[POSE_DELAY + l]
-                    next_command[l] = (
-                        cmds_t[cmd_first[r]] + s[COMMAND_DELAY + l] if command[l] < last_command[l] else NEVER
-                    )
+                    command[l], last_command[l], now = first, cmd_first[r + 1], ts[t_first[r]]
+                    next_sample[l], next_pose[l] = now - s[DELAY + l], now - s[POSE_DELAY + l]
+                    next_command[l] = cmds_t[first] + s[COMMAND_DELAY + l] if first < last_command[l] else NEVER
                     to_out[l] = out_first[j] - t_first[r]
-                    now = ts[t_first[r]]
-                    of_model = sides[which[j, 0]]
-                    curved[l] = forms.any_of(curves[which[j, 0]])
+                    curved[l] = forms.any_of(curves[model])
                     shapes[l] = one.shaped_by(of_model, 0) or one.shaped_by(of_model, 1)
                     plays[l] = s[BACKLASH + l] > 0.0 or s[_SIDE + BACKLASH + l] > 0.0
                     shaped = heated = scrubbed = pulled = faded = filtered = slipping = iterated = flexible = False
@@ -392,9 +374,8 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                         row = to_out[l] + k
                         current = driver.bus_current(s[CUR + l], s[VA + l], s[SUPPLY + l])
                         current += driver.bus_current(s[_SIDE + CUR + l], s[_SIDE + VA + l], s[SUPPLY + l])
-                        bus = driver.loaded_bus(
-                            s[SUPPLY + l], s[SOURCE + l], current, s[DECLINE + l], now - s[BEGUN + l]
-                        )
+                        elapsed = now - s[BEGUN + l]
+                        bus = driver.loaded_bus(s[SUPPLY + l], s[SOURCE + l], current, s[DECLINE + l], elapsed)
                         out[row, 0] = s[BUS_ROW + l] if s[MEASURED + l] > 0.0 else bus
                         for i in range(2):
                             o = i * _SIDE + l
@@ -746,10 +727,8 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                             need = bm - push
                             moved = play + h * (wm - w)
                             meets = _PUSH_F if moved > edge else (_PUSH_B if moved < -edge else _FREE)
-                            pulls = attempt < 10 and (
-                                (kind == _PUSH_F and push < 0.0) or (kind == _PUSH_B and push > 0.0)
-                            )
-                            then = meets if kind == _FREE else (_FREE if pulls else kind)
+                            pulls = (kind == _PUSH_F and push < 0.0) or (kind == _PUSH_B and push > 0.0)
+                            then = meets if kind == _FREE else (_FREE if pulls and attempt < 10 else kind)
                             breaks = friction.breaks_away(need, hi, lo)
                             stops = stick * wm < 0.0 and (attempt < 10 or kind <= _SPRING)
                             other = breaks if stick == 0.0 else (0.0 if stops else stick)
@@ -793,16 +772,11 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                 break
         # ---- a long step ends where flanks part: once more, in short ones
         again = 0
-        if formed:
-            for l in range(lanes):
-                redone[l] = False
+        redone[:] = False
         if flexible:
             for l in range(lanes):
-                redone[l] = (
-                    plays[l]
-                    and limit[l] > fine[l]
-                    and (s[CONTACT + l] != s[WAS + l] or s[_SIDE + CONTACT + l] != s[_SIDE + WAS + l])
-                )
+                parted = s[CONTACT + l] != s[WAS + l] or s[_SIDE + CONTACT + l] != s[_SIDE + WAS + l]
+                redone[l] = plays[l] and limit[l] > fine[l] and parted
                 if redone[l]:
                     again = 1
                     _kept_state(s, l, initial_state[l], False)
@@ -855,9 +829,8 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                         s[o + WHOLE + l], s[o + ASKED + l], s[o + TAKEN + l], s[o + TANGENT + l], s[o + GRIP + l]
                     )
                     s[o + WHOLE + l] = whole
-                    s[o + TYRE + l] = ground.relaxed(
-                        s[H + l], s[o + TYRE + l], s[o + SLIP + l], whole, s[o + PER_SHEAR + l]
-                    )
+                    tyre, slip, factor = s[o + TYRE + l], s[o + SLIP + l], s[o + PER_SHEAR + l]
+                    s[o + TYRE + l] = ground.relaxed(s[H + l], tyre, slip, whole, factor)
         if formed:
             _carried(s, curved, redone, past)
         if again > 0:
