@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
 import numpy as np
 
@@ -94,16 +94,9 @@ class Coupler:
         self.grip = np.ones(2)
         for k, gear in enumerate(gears):
             if gear is not None:
-                self.side[k, :7] = (
-                    gear.stiffness_nm_per_rad,
-                    gear.damping_nm_s_per_rad,
-                    gear.backlash_rad,
-                    gear.restitution,
-                    gear.slip_per_newton,
-                    gear.slip_relaxation_m,
-                    gear.slip_damping_n_s_per_m,
-                )
-                self.grip[k] = gear.grip * 0.5 * body.total_mass_kg * GRAVITY_M_S2 * body.wheel_radius_m[k]
+                *constants, grip = astuple(gear)
+                self.side[k, : layer.RADIUS] = constants
+                self.grip[k] = grip * 0.5 * body.total_mass_kg * GRAVITY_M_S2 * body.wheel_radius_m[k]
             self.side[k, layer.RADIUS] = body.wheel_radius_m[k]
         self.wheel_j = body.wheel_inertia_kg_m2
         # The engine's, and the robot's, where the engine could not build it (`BodyValues.on`).
@@ -116,13 +109,9 @@ class Coupler:
         self.ground = np.linalg.inv(wheel_inertia(body, wanted)[0])
         self.rotor = np.array([self._rotor(robot, unit) for unit in units])
         self.reflected = np.full(2, reflected_kg_m2)
-        if correction:
-            self.reflected = np.array(
-                [
-                    0.0 if m is None else self.gear**2 * m.rotor_inertia_kg_m2 - self.rotor[k, layer.INERTIA]
-                    for k, m in enumerate(correction.loaded_motors)
-                ]
-            )
+        for k, motor in enumerate(correction.loaded_motors if correction else ()):
+            own = self.rotor[k, layer.INERTIA]
+            self.reflected[k] = 0.0 if motor is None else self.gear**2 * motor.rotor_inertia_kg_m2 - own
         self.acceleration = np.zeros(2)
         self.runaway = RUNAWAY * robot.supply_v / (self.gear * robot.motor.back_emf_constant_v_s_per_rad)
         self.state = np.zeros((2, 6))

@@ -33,12 +33,7 @@ from rtds_host.plant.torques import TORQUES
 from rtds_host.robot.split import share
 
 # Where an effect runs, in a reader's words.
-PLACE_NAMES = {
-    "rtl": "motor unit",
-    "robot": "robot",
-    "signal": "signal path",
-    "refused": "replay, exports",
-}
+PLACE_NAMES = {"rtl": "motor unit", "robot": "robot", "signal": "signal path", "refused": "replay, exports"}
 NO_LIMIT_V = 1e8
 # Friction against speed: points of a curve, over so many of its widths.
 STRIBECK_POINTS, STRIBECK_WIDTHS = 97, 3.5
@@ -109,17 +104,8 @@ def translate(
     if get("gear_ratio") != nominal.get("gear_ratio") or get("supply") != nominal.get("supply"):
         raise InputError("gear_ratio, supply: no effect changes them, they are the robot's own")
     mass = get("mass") + payload_kg
-    placed = tuple(
-        _placed(
-            _unit(get, k, robot, mass, start_angles[k]),
-            model.forms[k],
-            robot,
-            get("gear_ratio"),
-            get("supply"),
-            start_angles[k],
-        )
-        for k in (0, 1)
-    )
+    units = (_unit(get, k, robot, mass, start_angles[k]) for k in (0, 1))
+    placed = tuple(_placed(unit, model.forms[k], robot, start_angles[k]) for k, unit in enumerate(units))
     left, right = (one.unit for one in placed)
     supply = SupplyEffects(
         voltage_v=get("supply"),
@@ -227,11 +213,11 @@ class _Placed:
     sensors: np.ndarray
 
 
-def _placed(unit: UnitEffects, rows: np.ndarray, robot: Robot, n: float, supply: float, start: float) -> _Placed:
+def _placed(unit: UnitEffects, rows: np.ndarray, robot: Robot, start: float) -> _Placed:
     """Put a side's forms (MOST_FORMS, WIDTH) where they act: friction by speed and direction, a torque over an angle,
     the command's curve and a voltage over the current into the unit, as far as it has a free table.
 
-    n : gear ratio; supply : V; start : rad, the wheel's angle as the run begins.
+    start : rad, the wheel's angle as the run begins.
 
     Raises
     ------
@@ -245,30 +231,25 @@ def _placed(unit: UnitEffects, rows: np.ndarray, robot: Robot, n: float, supply:
         term, over = name
         if term in formed.READINGS:
             sensors[k] = row
-        elif (term, over) not in IN_UNITS or (held := _held(unit, row, over, robot, n, supply, start)) is None:
+        elif (term, over) not in IN_UNITS or (held := _held(unit, row, over, robot, start)) is None:
             continue
         else:
             unit = held
         between[k] = 0.0
-    if (more := formed.needs_command(between, supply)) > 0.0:
-        unit = replace(unit, command=formed.beyond(unit.command, supply, more))
+    if (more := formed.needs_command(between, robot.supply_v)) > 0.0:
+        unit = replace(unit, command=formed.beyond(unit.command, robot.supply_v, more))
     return _Placed(unit, between, sensors)
 
 
-def _held(
-    unit: UnitEffects, row: np.ndarray, over: str, robot: Robot, n: float, supply: float, start: float
-) -> UnitEffects | None:
+def _held(unit: UnitEffects, row: np.ndarray, over: str, robot: Robot, start: float) -> UnitEffects | None:
     """The unit with a form of `IN_UNITS` in its table, None where that is taken or cannot hold it."""
-    high, values = float(row[forms.HIGH]), row[forms.VALUES :]
+    high, values, n, supply = float(row[forms.HIGH]), row[forms.VALUES :], robot.motor.gear_ratio, robot.supply_v
     if over == "w":
         speeds = n * np.linspace(0.0, high, forms.HALF)
         ahead = Curve(tuple(speeds), tuple(-values[forms.HALF :] / n))
         back = Curve(tuple(speeds), tuple(values[: forms.HALF][::-1] / n))
-        return replace(
-            unit,
-            friction_forward=_sum(unit.friction_forward, ahead),
-            friction_backward=_sum(unit.friction_backward, back),
-        )
+        forward, backward = _sum(unit.friction_forward, ahead), _sum(unit.friction_backward, back)
+        return replace(unit, friction_forward=forward, friction_backward=backward)
     if over == "v_cmd":
         x = points_of("v_cmd", -high, high)
         more = Curve((*x[: forms.HALF], 0.0, *x[forms.HALF :]), (*values[: forms.HALF], 0.0, *values[forms.HALF :]))
@@ -312,18 +293,12 @@ def _sum(one: Curve | None, other: Curve) -> Curve:
 
 
 def _motor(get: _Parameters, k: int, robot: Robot, n: float) -> MotorParameters | None:
-    own = (
-        get("resistance", k),
-        get("inductance", k),
-        get("torque_constant", k),
-        get("back_emf", k),
-        get("rotor_inertia", k),
-        get("viscous", k) + get("viscous_wheel", k) / n**2,
-    )
-    if own == robot.motor.constants:
+    own = [get(name, k) for name in ("resistance", "inductance", "torque_constant", "back_emf", "rotor_inertia")]
+    viscous = get("viscous", k) + get("viscous_wheel", k) / n**2
+    if (*own, viscous) == robot.motor.constants:
         return None
     # A unit's friction is above zero; a billionth of a typical one is none.
-    return MotorParameters(*own[:5], max(own[5], 1e-16))
+    return MotorParameters(*(*own, max(viscous, 1e-16)))
 
 
 def _command(get: _Parameters, k: int) -> Curve | None:
