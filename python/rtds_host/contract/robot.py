@@ -16,8 +16,8 @@ SCHEMA = "rtds-robot/1"
 GRAVITY_M_S2 = 9.80665
 # Characters of a robot's name; notices of what is ignored, one each.
 LONGEST_NAME, MOST_NOTICES = 200, 50
-# A loop that is closed more often than this cannot be told from one that is closed all the time: no wheel answers
-# within a tenth of a millisecond. The replay takes each of its steps.
+# A loop that is closed more often than this is indistinguishable from one that is closed all the time: no wheel
+# answers within a tenth of a millisecond. The replay takes each of its steps.
 SHORTEST_PERIOD_S = 1e-4
 # Positive values below are no unit of anything: the replay's matrices would be singular.
 TINY = 1e-15

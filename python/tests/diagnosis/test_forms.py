@@ -18,7 +18,7 @@ from rtds_host.diagnosis.forms.curves import Form, points_of, put, shapes
 from rtds_host.diagnosis.forms.ends import movable, moved
 from rtds_host.diagnosis.forms.formula import fitted, laws
 from rtds_host.diagnosis.forms.in_place import in_place
-from rtds_host.diagnosis.forms.screen import Promise
+from rtds_host.diagnosis.forms.screen import FormCandidate
 from rtds_host.diagnosis.forms.search import Cause, Found, keep_sizes, searched
 from rtds_host.diagnosis.likelihood import Likelihood
 from rtds_host.diagnosis.predict import read_diagnosis
@@ -443,7 +443,7 @@ def test_readings_that_are_nothing_below_a_size_or_cut_off_above_it_get_the_plac
 def test_other_ends_keep_the_curve():
     problem = SimpleNamespace(robot=builtin_robot("burger"))
     form = Form("current_sensor", "i", -0.1, 0.1, 0.01)
-    one = Promise(form, "left", 0.5, np.zeros(0))
+    one = FormCandidate(form, "left", 0.5, np.zeros(0))
     wide = moved(problem, one, 0.3 * form.points, 2.0)
     basis, widths = shapes("i")
     curve = basis @ (wide.start * 0.01 * widths)

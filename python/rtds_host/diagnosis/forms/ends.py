@@ -17,14 +17,14 @@ import numpy as np
 from rtds_host.diagnosis.choice import HeldOutScore, pooled
 from rtds_host.diagnosis.fit import Fit
 from rtds_host.diagnosis.forms.curves import Form, put, shapes
-from rtds_host.diagnosis.forms.screen import Promise
+from rtds_host.diagnosis.forms.screen import FormCandidate
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import nominal_model
 from rtds_host.diagnosis.thresholds import MINOR_SHARE
 from rtds_host.plant import forms as plant
 
 # Fits explanations that differ in the ends of one curve, from a start of that curve's scaled coefficients each.
-Fits = Callable[[Sequence[Promise]], Sequence[Fit]]
+Fits = Callable[[Sequence[FormCandidate]], Sequence[Fit]]
 # What other ends must leave at most of what is left: as other curves, all but a slight part.
 GAINS = 1.0 - MINOR_SHARE
 # Numerical: moves of the ends, in half octaves, coarse ones first.
@@ -36,20 +36,20 @@ def movable(form: Form) -> bool:
     return form.over not in plant.PERIODIC and form.low == -form.high
 
 
-def moved(problem: Problem, promise: Promise, values: np.ndarray, factor: float) -> Promise:
+def moved(problem: Problem, candidate: FormCandidate, values: np.ndarray, factor: float) -> FormCandidate:
     """A form with other ends, and the coefficients that make the curve there that its values (POINTS,) make."""
-    form = replace(promise.form, low=factor * promise.form.low, high=factor * promise.form.high)
+    form = replace(candidate.form, low=factor * candidate.form.low, high=factor * candidate.form.high)
     model = nominal_model(problem.robot)
-    put(model, (0,), form.term, form.over, promise.form.low, promise.form.high, values)
+    put(model, (0,), form.term, form.over, candidate.form.low, candidate.form.high, values)
     there = np.array([plant.curve(model.forms[0, 0], x)[0] for x in form.points])
     basis, widths = shapes(form.over)
     coefficients = np.linalg.lstsq(basis, there, rcond=None)[0]
-    return replace(promise, form=form, start=coefficients / (form.prior_width * widths))
+    return replace(candidate, form=form, start=coefficients / (form.prior_width * widths))
 
 
 def with_ends(
-    problem: Problem, fits: Fits, promise: Promise, best: HeldOutScore, reach: float
-) -> tuple[Promise, HeldOutScore]:
+    problem: Problem, fits: Fits, candidate: FormCandidate, best: HeldOutScore, reach: float
+) -> tuple[FormCandidate, HeldOutScore]:
     """The form with the ends that leave least of runs left out, and the explanation with it.
 
     Parameters
@@ -57,14 +57,14 @@ def with_ends(
     best : the explanation with the form as it is; reach : the largest size of what the form runs over, beyond which no
         run says anything.
     """
-    if not movable(promise.form):
-        return promise, best
+    if not movable(candidate.form):
+        return candidate, best
     at, seen = 0, {0}
     for move in MOVES:
         while True:
-            values = _values(best.fit, promise)
+            values = _values(best.fit, candidate)
             near = [to for to in (at - move, at + move) if to not in seen]
-            tried = [(to, moved(problem, promise, values, math.sqrt(2.0) ** (to - at))) for to in near]
+            tried = [(to, moved(problem, candidate, values, math.sqrt(2.0) ** (to - at))) for to in near]
             tried = [(to, one) for to, one in tried if one.form.high <= 2.0 * reach]
             seen.update(near)
             if not tried:
@@ -74,11 +74,11 @@ def with_ends(
             least, to, one = min(judged, key=lambda each: each[0].gap)
             if pooled(least, best) > GAINS:
                 break
-            at, promise, best = to, one, least
-    return promise, best
+            at, candidate, best = to, one, least
+    return candidate, best
 
 
-def _values(fit: Fit, promise: Promise) -> np.ndarray:
+def _values(fit: Fit, candidate: FormCandidate) -> np.ndarray:
     """A form's values (POINTS,) in a fit, in the term's unit."""
-    basis, widths = shapes(promise.form.over)
-    return basis @ (fit.parts[promise.form.id, promise.side] * promise.form.prior_width * widths)
+    basis, widths = shapes(candidate.form.over)
+    return basis @ (fit.parts[candidate.form.id, candidate.side] * candidate.form.prior_width * widths)

@@ -89,11 +89,11 @@ def in_place(problem: Problem, fit: Fit, name: str) -> InPlace:
     if not forms:
         raise InputError(f"{name}: no free curve over one quantity takes its place")
     known = slopes(problem, bare, forms[:1])
-    promise = next(one for one in screened(problem, bare, known) if one.side == mine[0][1])
-    fitter.effects = {**problem.effects, promise.form.id: promise.form.effect()}
-    hypothesis, start = joined({**bare.parts, (promise.form.id, promise.side): promise.start})
+    candidate = next(one for one in screened(problem, bare, known) if one.side == mine[0][1])
+    fitter.effects = {**problem.effects, candidate.form.id: candidate.form.effect()}
+    hypothesis, start = joined({**bare.parts, (candidate.form.id, candidate.side): candidate.start})
     curved = fitter.fit(hypothesis, start, bare.z, bare.noise, STEPS)
-    return InPlace(promise.form, promise.side, named, HeldOutScore.of(problem, curved))
+    return InPlace(candidate.form, candidate.side, named, HeldOutScore.of(problem, curved))
 
 
 def fit_of(problem: Problem, diagnosis: dict[str, Any]) -> Fit:

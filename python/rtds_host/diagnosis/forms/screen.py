@@ -18,7 +18,7 @@ ROWS = 60_000
 
 
 @dataclass(frozen=True)
-class Promise:
+class FormCandidate:
     """A form on a side: `left`, what it leaves of the cost of runs left out, a ratio; `start` (n,) its scaled
     coefficients."""
 
@@ -74,8 +74,8 @@ def slopes(problem: Problem, fit: Fit, forms: list[Form]) -> list[Slopes]:
     return found
 
 
-def screened(problem: Problem, fit: Fit, known: Sequence[Slopes]) -> list[Promise]:
-    """All forms on all sides that they may have, most promising first.
+def screened(problem: Problem, fit: Fit, known: Sequence[Slopes]) -> list[FormCandidate]:
+    """All forms on all sides that they may have, those that leave least first.
 
     Parameters
     ----------
@@ -104,10 +104,10 @@ def screened(problem: Problem, fit: Fit, known: Sequence[Slopes]) -> list[Promis
         weight = np.concatenate([own, np.full(one.parts[0].shape[1], 2.0)])
         steps = _left_out(white, mine, weight, held, len(folds), maps)
         found += [
-            Promise(one.form, side, cost(after / root) / plain, x[len(own) :])
+            FormCandidate(one.form, side, cost(after / root) / plain, x[len(own) :])
             for side, (after, x) in zip(one.sides, steps, strict=True)
         ]
-    return sorted(found, key=lambda promise: promise.left)
+    return sorted(found, key=lambda candidate: candidate.left)
 
 
 def _placed(count: int, one: Slopes, side: str) -> np.ndarray:

@@ -20,7 +20,7 @@ from rtds_host.diagnosis.fit import ROUGH_GAIN, Fit, Fitter, joined, parameters,
 from rtds_host.diagnosis.forms.candidates import candidates
 from rtds_host.diagnosis.forms.curves import Form, shapes
 from rtds_host.diagnosis.forms.ends import GAINS, with_ends
-from rtds_host.diagnosis.forms.screen import Promise, Slopes, screened, slopes
+from rtds_host.diagnosis.forms.screen import FormCandidate, Slopes, screened, slopes
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.thresholds import MAJORITY, MINOR_SHARE
 from rtds_host.plant import forms as plant
@@ -30,7 +30,7 @@ Cause = tuple[str, str]
 # What counts as a gap (contract, section 4).
 LEAST_GAP = gaps.LEAST
 # Numerical: forms of each screening that are fitted roughly at each turn, in a narrow search and in a wide one; how
-# many of these in earnest; and steps of a fit.
+# many of these to convergence; and steps of a fit.
 TRIED, FITTED = {True: 4, False: 6}, {True: 2, False: 4}
 STEPS, ROUGH_STEPS = 6, 4
 # Numerical: work (`Problem.work`) after which no further form is looked for, with a narrow search and with a wide one:
@@ -73,8 +73,8 @@ def searched(problem: Problem, fit: Fit, quick: bool, lacking: Mapping[Cause, Fi
         best = _next(problem, found, known, quick, list(lacking.values()) if not found.forms else [])
         if best is None:
             break
-        promise, judged = best
-        found.forms.append((promise.form, promise.side))
+        candidate, judged = best
+        found.forms.append((candidate.form, candidate.side))
         found.judged.append(judged)
     if found.forms and lacking:
         drop_superseded(problem, found, lacking)
@@ -117,8 +117,8 @@ def keep_sizes(problem: Problem, found: Found) -> None:
 
 def _next(
     problem: Problem, found: Found, known: dict[str, Effect], quick: bool, lacking: list[Fit]
-) -> tuple[Promise, HeldOutScore] | None:
-    """The form more that leaves least of runs left out, if it is worth it and no effect makes it as well.
+) -> tuple[FormCandidate, HeldOutScore] | None:
+    """The form more that leaves least of runs left out, if it helps enough and no effect makes it as well.
 
     lacking : explanations in which it may stand for what they lack, next to the one that there is.
     """
@@ -150,39 +150,39 @@ def _next(
     # What the likelihood ends in may leave more of runs left out than what the rough fit came to.
     ended = [
         (one, HeldOutScore.of(problem, _renewed(problem, fit)) if fit is not rough.fit else rough)
-        for (rough, base, one), earnest in zip(judged, fits)
-        for fit in (rough.fit, earnest)
+        for (rough, base, one), converged in zip(judged, fits)
+        for fit in (rough.fit, converged)
         if fit.score < base.score
     ]
     if not ended:
         return None
-    promise, best = _plainest(ended)
+    candidate, best = _plainest(ended)
     if pooled(best, now) <= GAINS:
-        reach = max(form.high for form in forms if form.over == promise.form.over)
-        promise, best = with_ends(problem, partial(_side_by_side, problem, known, best.fit), promise, best, reach)
-    best = HeldOutScore.of(problem, _renewed(problem, _derived(problem, best.fit, known, promise)))
+        reach = max(form.high for form in forms if form.over == candidate.form.over)
+        candidate, best = with_ends(problem, partial(_side_by_side, problem, known, best.fit), candidate, best, reach)
+    best = HeldOutScore.of(problem, _renewed(problem, _derived(problem, best.fit, known, candidate)))
     if pooled(best, now) > MAX_RESIDUAL_RATIO:
         return None
-    name = _named(problem, now, best, promise)
+    name = _named(problem, now, best, candidate)
     if name is not None:
         # Another equation's curve would then stand in for an effect that has a name.
-        found.notes.append(f"{promise.form.term} over {promise.form.over}: {name} makes it as well, and is no form")
+        found.notes.append(f"{candidate.form.term} over {candidate.form.over}: {name} makes it as well, and is no form")
         return None
-    known[promise.form.id] = promise.form.effect()
-    return promise, best
+    known[candidate.form.id] = candidate.form.effect()
+    return candidate, best
 
 
-def _plainest(ended: Sequence[tuple[Promise, HeldOutScore]]) -> tuple[Promise, HeldOutScore]:
+def _plainest(ended: Sequence[tuple[FormCandidate, HeldOutScore]]) -> tuple[FormCandidate, HeldOutScore]:
     """The form that leaves least of runs left out. The command's history has to leave clearly less than the command
     alone, which is half of what its curve can hold."""
-    promise, best = min(ended, key=lambda pair: pair[1].gap)
-    if promise.form.over == "command_history":
-        plain = [pair for pair in ended if pair[0].form.over == "v_cmd" and pair[0].form.term == promise.form.term]
+    candidate, best = min(ended, key=lambda pair: pair[1].gap)
+    if candidate.form.over == "command_history":
+        plain = [pair for pair in ended if pair[0].form.over == "v_cmd" and pair[0].form.term == candidate.form.term]
         if plain:
             other = min(plain, key=lambda pair: pair[1].gap)
             if pooled(best, other[1]) > GAINS:
                 return other
-    return promise, best
+    return candidate, best
 
 
 def _renewed(problem: Problem, fit: Fit) -> Fit:
@@ -190,7 +190,7 @@ def _renewed(problem: Problem, fit: Fit) -> Fit:
     return replace(fit, residual=problem.residual(fit.model(problem)))
 
 
-def _with_form(problem: Problem, fit: Fit, known: Mapping[str, Effect], one: Promise) -> Fitter:
+def _with_form(problem: Problem, fit: Fit, known: Mapping[str, Effect], one: FormCandidate) -> Fitter:
     """What fits an explanation with one form more."""
     fitter = Fitter(problem, fit.start)
     fitter.effects = {**known, one.form.id: one.form.effect()}
@@ -198,7 +198,7 @@ def _with_form(problem: Problem, fit: Fit, known: Mapping[str, Effect], one: Pro
 
 
 def _roughly(
-    problem: Problem, known: Mapping[str, Effect], by_form: Sequence[Slopes], tried: Sequence[tuple[Fit, Promise]]
+    problem: Problem, known: Mapping[str, Effect], by_form: Sequence[Slopes], tried: Sequence[tuple[Fit, FormCandidate]]
 ) -> list[Fit]:
     """Explanations with one form more each, fitted with the derivatives that the screening had, a replay a step."""
     of = {one.form: one for one in by_form}
@@ -221,7 +221,7 @@ def _roughly(
     return side_by_side(problem, works)
 
 
-def _fitted(problem: Problem, fit: Fit, known: Mapping[str, Effect], one: Promise) -> Fit:
+def _fitted(problem: Problem, fit: Fit, known: Mapping[str, Effect], one: FormCandidate) -> Fit:
     """An explanation that has a form already, all parameters fitted together."""
     fitter = _with_form(problem, fit, known, one)
     return fitter.fit(fit.hypothesis, fit.u, fit.z, fit.noise, STEPS, by_nuisance=fit.by_nuisance)
@@ -303,7 +303,7 @@ def _made_by_curves(found: Found, cause: Cause, most: float) -> np.ndarray | Non
     return way if missed <= most * np.square(change).sum() else None
 
 
-def _derived(problem: Problem, fit: Fit, known: Mapping[str, Effect], one: Promise) -> Fit:
+def _derived(problem: Problem, fit: Fit, known: Mapping[str, Effect], one: FormCandidate) -> Fit:
     """An explanation that has a form, with derivatives at its own values: a rough fit has those of the screening, of
     which intervals would be rough."""
     problem.follow_angles(True)
@@ -312,7 +312,7 @@ def _derived(problem: Problem, fit: Fit, known: Mapping[str, Effect], one: Promi
     return found
 
 
-def _side_by_side(problem: Problem, known: Mapping[str, Effect], fit: Fit, tried: Sequence[Promise]) -> list[Fit]:
+def _side_by_side(problem: Problem, known: Mapping[str, Effect], fit: Fit, tried: Sequence[FormCandidate]) -> list[Fit]:
     """Explanations that have a form already, fitted with the form as given, all parameters together."""
     problem.follow_angles(True)
     works = []
@@ -325,13 +325,13 @@ def _side_by_side(problem: Problem, known: Mapping[str, Effect], fit: Fit, tried
     return [_renewed(problem, one) for one in fits]
 
 
-def _named(problem: Problem, now: HeldOutScore, judged: HeldOutScore, promise: Promise) -> str | None:
+def _named(problem: Problem, now: HeldOutScore, judged: HeldOutScore, candidate: FormCandidate) -> str | None:
     """The effect of the catalogue that does on runs left out what a form does, None without any."""
     fitter = Fitter(problem, now.fit.start)
     fitter.effects = dict(now.fit.effects)
-    for name in RESEMBLES.get((promise.form.term, promise.form.over), ()):
+    for name in RESEMBLES.get((candidate.form.term, candidate.form.over), ()):
         effect = fitter.effects.get(name)
-        side = promise.side if effect is not None and effect.sided else "both"
+        side = candidate.side if effect is not None and effect.sided else "both"
         if effect is None or any(cause[0] == name for cause in now.fit.hypothesis):
             continue
         for first in effect.parameters[0].starts[:2]:

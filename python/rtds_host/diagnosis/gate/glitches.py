@@ -1,4 +1,4 @@
-"""Isolated samples far off their neighbours: a logger's glitches, told from steps, impacts, stalls and fast starts.
+"""Isolated samples far off their neighbours: a logger's glitches, as distinct from steps, impacts, stalls and starts.
 
 A sample is judged by the two samples to either side of it, against the scatter about it, and by one of two further
 marks: the robot cannot do it (a pose or an angle would have to move faster than the motors turn, both ways; a value is

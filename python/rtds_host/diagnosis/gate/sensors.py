@@ -356,7 +356,7 @@ def motions(case: Case) -> list[Finding]:
                     "one_sign",
                     "note",
                     f"The {side} wheel turns one way only: friction that depends on the direction cannot "
-                    "be told from friction that does not.",
+                    "be distinguished from friction that does not.",
                 )
             )
     return found

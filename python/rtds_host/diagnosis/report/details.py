@@ -41,7 +41,7 @@ class Candidate:
     improvement : what it explains, in units of noise squared per sample (mean fall of the squared error), None where it
     was
         not fitted.
-    verdict : "included", "alike" (cannot be told from what is included) or "rejected".
+    verdict : "included", "alike" (indistinguishable from what is included) or "rejected".
     reason : one clause, why it was rejected or accepted.
     """
 
