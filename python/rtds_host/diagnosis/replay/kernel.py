@@ -91,7 +91,8 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
         the next; bus_log : (m,) V at the same times, used where `bus_measured` is set.
     angle : (m, 2) rad, the wheels' measured angles at the same times, which a ripple then follows, or (0, 2). A replay
         drifts, and what repeats twelve times a turn is soon out of step.
-    side : (2, len(SIDE)), com : (len(COMMON),), see `plant.schema`; curves : (2, MOST_FORMS, WIDTH), see `plant.forms`.
+    side : (2, len(SIDE)), com : (len(COMMON),), see `plant.schema`.
+    curves : (2, MOST_FORMS, WIDTH), see `plant.forms`; None without any, for which what follows them is not compiled.
     run : (4,) payload kg, slope rad, uphill yaw rad, time s at which the run began.
     start : (15,) x, y, yaw, th_l, th_r, w_l, w_r, i_l, i_r at t[0], w_l, w_r, i_l, i_r as reported there (currents: NaN
         where not), and what of these currents noise may be.
@@ -129,19 +130,23 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
     stick = np.zeros(2, np.int64)
     force = np.zeros(2)
     integ = np.zeros(2)
+    # Constants of motor and gear at the wheel's side; forms may change the first two.
+    ke, km, inertia, plain = np.empty(2), np.empty(2), np.empty(2), np.empty(2)
+    shaped = shaped_by(side, 0) or shaped_by(side, 1)
     flexible = dry = False
     outer = TRIALS if com[SOURCE_R] != 0.0 or side[0, LOAD] != 0.0 or side[1, LOAD] != 0.0 else 1
     for k in range(2):
         # The start is as sensors report it: an encoder's scale acts on the angle from its zero (contract, section 3).
         th[k] = start[3 + k] / side[k, W_GAIN]
+        ke[k], km[k] = side[k, KB] * ratio, ratio * side[k, KM]
+        inertia[k], plain[k] = ratio * ratio * side[k, J], ratio * ratio * side[k, B] + side[k, VISCOUS_W]
         w[k] = start[5 + k] / side[k, W_GAIN]
         wm[k] = w[k]
         wf[k] = sensors.behind(w[k], start[9 + k] / side[k, W_GAIN], side[k, W_TAU], side[k, W_DELAY])
         cur[k] = sensors.initial_current(start[7 + k], start[11 + k], start[13 + k], side[k, I_GAIN], side[k, I_BIAS])
         contact[k] = gear.SPRING if side[k, STIFF] > 0.0 else (gear.FREE if side[k, BACKLASH] > 0.0 else gear.RIGID)
         flexible = flexible or contact[k] != gear.RIGID
-        dry = dry or dry_of(side, k, com) or forms.holds(curves[k])
-    formed = forms.any_of(curves)
+        dry = dry or dry_of(side, k, com) or (curves is not None and forms.holds(curves[k]))
     acts = np.zeros((2, forms.ACTS))  # what the forms of a side come to in a step
     about = np.zeros(forms.ABOUT)  # what they run over
     past = np.zeros((2, forms.PAST))  # what they remember
@@ -226,7 +231,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
             for k in range(2):
                 amperes = sensors.scaled(cur[k], side[k, I_GAIN], side[k, I_BIAS])
                 speed = (wf[k] if side[k, W_TAU] > 0.0 else seen[k]) * side[k, W_GAIN]
-                if formed:
+                if curves is not None:
                     amperes += forms.reads(curves[k], CURRENT, OVER_I + 1, amperes)
                     speed += forms.reads(curves[k], SPEED, OVER_W + 1, speed)
                 out[ka, 1 + k] = amperes
@@ -234,7 +239,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                     out[ka, 3 + k] = speed
                 out[ka, 5 + k] = (th[k] + before * play[k]) * side[k, W_GAIN]
             out[ka, 7] = sensors.scaled(rate, com[GYRO_GAIN], com[GYRO_BIAS])
-            if formed:
+            if curves is not None:
                 out[ka, 7] += forms.turns_read(curves[0], out[ka, 7], t[ka] - dm - run[3])
             ka += 1
         if lagging:
@@ -242,7 +247,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                 later = dm + side[k, W_DELAY]
                 while side[k, W_DELAY] > 0.0 and kw[k] < n and t[kw[k]] - later <= now + 1e-9:
                     speed = (wf[k] if side[k, W_TAU] > 0.0 else seen[k]) * side[k, W_GAIN]
-                    if formed:
+                    if curves is not None:
                         speed += forms.reads(curves[k], SPEED, OVER_W + 1, speed)
                     if t[kw[k]] - later < t[0]:
                         # Before a start the speed is what lies between the start and what is reported then.
@@ -264,7 +269,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
             changed = True
             for k in range(sides):
                 told = seen[k] * side[k, W_GAIN]
-                if formed:
+                if curves is not None:
                     told += forms.reads(curves[k], SPEED, OVER_W + 1, told)
                 miss = wanted[k] * side[k, C_GAIN] - told
                 limit = min(com[SERVO_LIMIT], supply)
@@ -275,7 +280,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
             for k in range(sides):
                 vd[k] = driver.duty(va[k], supply, side[k, CURVE], side[k, DEADZONE], side[k, V_GAIN])
                 ve[k] = vd[k]
-                if formed:
+                if curves is not None:
                     forms.follow(curves[k], va[k], past[k])
 
         # ---- next event
@@ -299,11 +304,11 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
         parts = False  # whether flanks part in this span
         while span - done > 1e-9:
             bound = h_max
-            for k in range(sides):
-                was[k] = contact[k]
-                held[k] = force[k]
-                if contact[k] == gear.FREE or parts:
-                    bound = min(h_max, h_play)
+            if flexible:
+                for k in range(sides):
+                    was[k], held[k] = contact[k], force[k]
+                    if contact[k] == gear.FREE or parts:
+                        bound = min(h_max, h_play)
             if bound != limit:
                 limit = bound
                 count = math.ceil((span - done) / limit - 1e-9)
@@ -323,24 +328,23 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                 gx -= pull * along
                 gz += ground.slope_torque(pull, com[COM_X], com[COM_Y], along, across)
             for k in range(sides):
-                wn[k] = w[k]
-                wmn[k] = wm[k]
-                bounces[k] = gear.bounces(contact[k] == gear.FREE, side[k, RESTITUTION], wmn[k], wn[k])
+                wn[k], wmn[k] = w[k], wm[k]
+                if flexible:
+                    bounces[k] = gear.bounces(contact[k] == gear.FREE, side[k, RESTITUTION], wmn[k], wn[k])
                 if mode != 1:
-                    ke = side[k, KB] * ratio
                     res = motor.warm(side[k, R], rise[k])
                     if of_h[k] != h or of_r[k] != res:
                         of_h[k], of_r[k] = h, res
                         decay[k], rise_v[k], mean_v[k], mean_i[k], c1[k], m1[k] = motor.armature_factors(
-                            h, res, side[k, L], ke, exponential
+                            h, res, side[k, L], side[k, KB] * ratio, exponential
                         )
-                if side[k, SLIP] > 0.0:
+                if slipping and side[k, SLIP] > 0.0:
                     rim, slip, length = side[k, RADIUS] * wn[k], side[k, SLIP], side[k, SLIP_LENGTH]
                     slid = rim - v - (2 * k - 1) * half * rate
                     give[k], yield_z[k], tangent[k], taken[k] = ground.shear(
                         h, slip, length, theta[k], shear_i[k], grip[k], whole[k], tyre[k], abs(rim), slid, math.tanh
                     )
-            if formed:
+            if curves is not None:
                 about[OVER_RATE], about[OVER_SPEED], about[OVER_TURNS] = rate, v, v * rate
                 about[OVER_T], about[OVER_X], about[OVER_Y], about[OVER_YAW] = elapsed, x, y, yaw
                 for k in range(sides):
@@ -353,26 +357,27 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                     about[OVER_TH], about[OVER_MOTOR] = at, ratio * at
                     if mode != 1:
                         # What the current comes to with the forms of the step before.
-                        emf = side[k, KB] * ratio * (1.0 + acts[k, forms.CONSTANT]) * wm[k]
+                        emf = ke[k] * wm[k]
                         volts = (vd[k] + acts[k, forms.VOLTS]) * level
                         volts = driver.winding_voltage(volts, emf, side[k, LIMIT], side[k, DROP])
                         mean = motor.even_current(cur[k], volts, emf, decay[k], rise_v[k], mean_v[k], mean_i[k])
                         about[forms.MEAN_I] = mean
                     forms.act(curves[k], about, acts[k])
                     ve[k] = vd[k] + acts[k, forms.VOLTS]
+                    # What changes the torque of a current changes the back-EMF of a speed alike.
+                    constant = 1.0 + acts[k, forms.CONSTANT]
+                    ke[k], km[k] = side[k, KB] * ratio * constant, ratio * side[k, KM] * constant
                     if mode != 1:
-                        # What changes the torque of a current changes the back-EMF of a speed alike.
-                        per_a = side[k, KB] * ratio * (1.0 + acts[k, forms.CONSTANT]) * mean_v[k]
-                        c1[k], m1[k] = motor.armature_slopes(per_a, decay[k], mean_i[k])
+                        c1[k], m1[k] = motor.armature_slopes(ke[k] * mean_v[k], decay[k], mean_i[k])
                 gx += acts[0, forms.PUSH]
                 gz += acts[0, forms.TURN]
                 scrub = com[SCRUB] + acts[0, forms.SCRUB]
             if com[SOURCE_R] != 0.0 and mode != 1:
                 for k in range(sides):
                     # What the current comes to at the bus before and an even speed.
-                    ke = side[k, KB] * ratio * (1.0 + acts[k, forms.CONSTANT])
-                    volts = driver.winding_voltage(ve[k] * level, ke * wm[k], side[k, LIMIT], side[k, DROP])
-                    im[k] = motor.even_current(cur[k], volts, ke * wm[k], decay[k], rise_v[k], mean_v[k], mean_i[k])
+                    emf = ke[k] * wm[k]
+                    volts = driver.winding_voltage(ve[k] * level, emf, side[k, LIMIT], side[k, DROP])
+                    im[k] = motor.even_current(cur[k], volts, emf, decay[k], rise_v[k], mean_v[k], mean_i[k])
             if axis == 2:
                 weight = ground.pendulum(swung, com[AX_ARM], th[0] + 0.5 * h * wn[0] - com[AX_ZERO], math.sin)
             for trial in range(outer):
@@ -392,28 +397,25 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                         slope_w = 0.0
                         c0[k], c1[k], m0[k], m1[k] = 0.0, 0.0, 0.0, 0.0
                     else:
-                        ke = side[k, KB] * ratio * (1.0 + acts[k, forms.CONSTANT])
-                        volts = driver.winding_voltage(ve[k] * level, ke * wmn[k], side[k, LIMIT], side[k, DROP])
+                        volts = driver.winding_voltage(ve[k] * level, ke[k] * wmn[k], side[k, LIMIT], side[k, DROP])
                         c0[k], m0[k] = motor.armature(
-                            cur[k], volts, ke, wmn[k], decay[k], rise_v[k], mean_v[k], mean_i[k], c1[k]
+                            cur[k], volts, ke[k], wmn[k], decay[k], rise_v[k], mean_v[k], mean_i[k], c1[k]
                         )
-                        km = ratio * side[k, KM] * (1.0 + acts[k, forms.CONSTANT])
-                        drive, slope_w = km * m0[k], km * m1[k]
-                    inertia = ratio * ratio * side[k, J]
+                        drive, slope_w = km[k] * m0[k], km[k] * m1[k]
                     # The load's inertia and torques join the rotor's while the gear is rigid.
                     torque = drive
-                    if shaped_by(side, k):
+                    if shaped and shaped_by(side, k):
                         at = th[k] + 0.5 * h * wn[k]
                         if angle.shape[0] > 0 and kc > 0:
                             at = _followed(angle, t_cmd, kc, k, now + done - 0.5 * h - dc) / side[k, W_GAIN]
                         torque += torque_of(at, wmn[k], side, k, math.sin)
-                    fluid = ratio * ratio * side[k, B] + side[k, VISCOUS_W]
+                    fluid = plain[k]
                     if side[k, ASYM_V] != 0.0:
                         fluid = friction.viscous(fluid, side[k, ASYM_V], wmn[k])
-                    if formed:
+                    if curves is not None:
                         torque += acts[k, forms.DRIVE]
                         fluid += acts[k, forms.FLUID]
-                    am[k], bm[k] = motor.rotor_balance(h, inertia, fluid, torque, slope_w, wmn[k])
+                    am[k], bm[k] = motor.rotor_balance(h, inertia[k], fluid, torque, slope_w, wmn[k])
                     if of_a[k] != am[k] or of_s[k] != h:
                         of_a[k], of_s[k] = am[k], h
                         rigid_i[k] = 1.0 / (am[k] + load_j)
@@ -436,7 +438,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                                 tout[k] = side[k, RADIUS] * force[k] if axis == 0 else tout[k]
                             f += friction.by_load(side[k, LOAD], tin[k], tout[k])
                         hi[k], lo[k] = friction.bounds(h, f, side[k, ASYM])
-                        if formed:
+                        if curves is not None:
                             hi[k] += h * acts[k, forms.FORWARD]
                             lo[k] -= h * acts[k, forms.BACKWARD]
 
@@ -560,13 +562,12 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                     for k in range(sides):
                         im[k] = m0[k] - m1[k] * wm[k]
                         if side[k, LOAD] != 0.0:
-                            fluid = ratio * ratio * side[k, B] + side[k, VISCOUS_W]
                             torque = ratio * side[k, KM] * im[k]
-                            if formed:
+                            if curves is not None:
                                 torque *= 1.0 + acts[k, forms.CONSTANT]
                             if mode == 1:
                                 torque = driver.amplifier(ve[k] * level, side[k, LIMIT], com[TORQUE_V]) * ratio
-                            tin[k] = motor.gear_input(h, torque, fluid, ratio * ratio * side[k, J], wmn[k], wm[k])
+                            tin[k] = motor.gear_input(h, torque, plain[k], inertia[k], wmn[k], wm[k])
                             tout[k] = load_j * (w[k] - wn[k]) / h + side[k, RADIUS] * force[k] - weight
 
             # ---- a long step ends where flanks part: once more, in short ones
@@ -598,7 +599,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                         contact[k] = gear.FREE
                     elif contact[k] != gear.RIGID:
                         play[k] += h * (wm[k] - w[k])
-                if formed:
+                if curves is not None:
                     delivered = load_j * (w[k] - wn[k]) / h + side[k, RADIUS] * force[k] - weight
                     past[k, forms.CARRIED] = forms.carried(past[k, forms.CARRIED], delivered, h)
                 tau = side[k, W_TAU]

@@ -55,6 +55,11 @@ class Model:
     forms: np.ndarray = field(default_factory=no_forms)
     start: Start = DECLARED
 
+    @property
+    def numbers(self) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+        """What the kernel takes of it: parameters of the sides, those in common and forms, None without any."""
+        return self.side, self.common, self.forms if self.forms.any() else None
+
     def copy(self) -> Model:
         """An independent copy."""
         return self.with_start(self.start)
@@ -354,8 +359,8 @@ def replay_run(model: Model, inputs: tuple[np.ndarray, ...], step_s: float | Non
     (n, 11) what the sensors would report without noise, columns as `OUTPUTS`, SI.
     """
     out = np.empty((len(inputs[0]), len(OUTPUTS)))
-    longest, numbers = step_s or model.step_s, (model.side, model.common, model.forms)
-    kernel.replay(*inputs[:5], *numbers, *inputs[5:], longest, FINE_STEP_S, out)
+    longest = step_s or model.step_s
+    kernel.replay(*inputs[:5], *model.numbers, *inputs[5:], longest, FINE_STEP_S, out)
     _on_clocks(model, inputs[0], out)
     return out
 
@@ -414,8 +419,8 @@ class ReplayBatch:
     def replay_alone(self, model: Model, first: int, last: int, step_s: float) -> np.ndarray:
         """Replays (rows, 11) of some runs, from `first` to before `last`, of any model: as of `replay_run`."""
         out = np.empty((self.rows[last] - self.rows[first], len(OUTPUTS)))
-        numbers = model.side, model.common, model.forms
-        kernel.replay_runs(self._in_memory, self._starts(first, last), first, numbers, (step_s, FINE_STEP_S), out)
+        steps = step_s, FINE_STEP_S
+        kernel.replay_runs(self._in_memory, self._starts(first, last), first, model.numbers, steps, out)
         self._put_on_clocks(model, first, last, out)
         return out
 
