@@ -14,7 +14,6 @@ from rtds_host.contract import Case
 from rtds_host.diagnosis import budget
 from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.attribution import Attribution, EffectEvidence, attribute, declared, without_effects
-from rtds_host.diagnosis.choice import HeldOutScore, chosen
 from rtds_host.diagnosis.effort import Effort
 from rtds_host.diagnosis.experiment import next_experiment
 from rtds_host.diagnosis.fit import Fit
@@ -31,9 +30,9 @@ from rtds_host.diagnosis.report.details import Candidate, Details
 from rtds_host.diagnosis.residual import CHANNELS
 from rtds_host.diagnosis.scatter import over_runs, scattered
 from rtds_host.diagnosis.screen import changes_by_missing, sensitivities_of
-from rtds_host.diagnosis.search.beam import widened
 from rtds_host.diagnosis.search.driver import MOST_WORK, QUICK_WORK, Limits, Search
 from rtds_host.diagnosis.search.moves.adding import with_one_of
+from rtds_host.diagnosis.search.stepwise import Selection
 from rtds_host.diagnosis.search.store import Store
 from rtds_host.diagnosis.thresholds import MINOR_SHARE, SIGNIFICANT
 from rtds_host.vectors import given
@@ -171,7 +170,8 @@ def chosen_search(case: Case, search: Search, best: Fit, threads: int, without: 
         searches.append(Search(Problem(case, threads, pieces=True), search.quick, without))
     for other in searches[1:]:
         other.begin()
-    owner, taken = by_runs_left_out(searches, best)
+    selection = Selection.of_beams(searches, best)
+    owner, taken = selection.choice()
     fit = taken.fit
     start = owner.problem.aligned_commands(fit.model(owner.problem)) if case.robot.axis is None else fit.start
     if start != fit.start:
@@ -182,29 +182,13 @@ def chosen_search(case: Case, search: Search, best: Fit, threads: int, without: 
             one.store.fits, fitter.start = {}, fitter.start.with_command_delays(dict(start.command_delays))
             one.begin()
         again = search.store.try_fit(fit.hypothesis, fit.u, search.store.fits[()])
-        aligned_owner, aligned = by_runs_left_out(searches, again)
-        if aligned.gap < taken.gap:
-            return aligned_owner, aligned.fit
-        for one, (fits, began) in zip(searches, kept, strict=True):
-            one.store.fits, one.store.fitter.start = fits, began
-    return owner, taken.fit
-
-
-def by_runs_left_out(searches: list[Search], best: Fit) -> tuple[Search, HeldOutScore]:
-    """The explanation that runs left out choose of what beams of these searches find and of the first one's best."""
-    search = searches[0]
-    found: dict[int, list[tuple[HeldOutScore, Search]]] = {}
-    for one in searches:
-        for count, fits in widened(one).items():
-            mine = [best] if one is search and len(best.hypothesis) == count and best not in fits else []
-            found.setdefault(count, []).extend((HeldOutScore.of(one.problem, fit), one) for fit in [*mine, *fits])
-    if len(best.hypothesis) not in found:
-        found[len(best.hypothesis)] = [(HeldOutScore.of(search.problem, best), search)]
-    taken = chosen({count: [judged for judged, _ in mine] for count, mine in found.items()}, search.store.prior)
-    owner = next(one for mine in found.values() for judged, one in mine if judged is taken)
-    # What plain squares found is judged by the likelihood as all else is, and fitted by it where that is exact.
-    fit = replace(taken.fit, noise=owner.problem.white().estimated(taken.fit.residual))
-    return owner, replace(taken, fit=owner.store.converged([fit])[0] if owner.store.within_noise(fit) else fit)
+        aligned = Selection.of_beams(searches, again)
+        if aligned.choice()[1].gap < taken.gap:
+            selection = aligned
+        else:
+            for one, (fits, began) in zip(searches, kept, strict=True):
+                one.store.fits, one.store.fitter.start = fits, began
+    return selection.stepwise()
 
 
 def _supported(found: Investigation, say: Callable[[str, float], None]) -> tuple[Attribution, HeldOut, Forms]:

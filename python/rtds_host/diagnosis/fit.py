@@ -29,6 +29,9 @@ Effects = dict[str, Effect]
 
 # Numerical: the gain of a step, in -2 log probability, below which a fit has converged, and a rough fit is good enough.
 STEP_GAIN, ROUGH_GAIN = 0.2, 2.0
+# Numerical: the same as a share of the excess over white noise, where this is more: no choice between explanations that
+# leave a gap depends on less.
+RELATIVE_GAIN = 1e-3
 # Numerical: most steps of a fit, and of a rough one.
 ITERATIONS, ROUGH_ITERATIONS = 8, 4
 # Numerical: a gain below this shows that the fit has converged, or that the nuisances' derivatives are out of date; how
@@ -453,6 +456,7 @@ class Fitter:
             by_nuisance = self.by_nuisance
         noise = noise if fixed else noise.estimated(r)
         now = noise.cost(r) + prior_cost(x[:k], x[k:])
+        least = max(least, RELATIVE_GAIN * (now - len(r)))
         damping, since = 0.0, math.inf  # what was gained since the nuisances' derivatives were taken
         renewals = RENEWALS if len(start) else 0
         by_effect = np.empty((len(r), 0), np.float32)

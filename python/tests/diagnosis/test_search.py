@@ -23,6 +23,7 @@ from rtds_host.diagnosis.screen import Screen, changes_by_missing, sensitivities
 from rtds_host.diagnosis.search import driver
 from rtds_host.diagnosis.search.driver import Search
 from rtds_host.diagnosis.search.moves import exchanging, refining, removing, renaming
+from rtds_host.diagnosis.search.stepwise import Selection
 from rtds_host.diagnosis.search.store import FAR
 from rtds_host.diagnosis.start import DECLARED
 from rtds_host.diagnosis.structurally_indistinguishable import nearly_indistinguishable, structurally_indistinguishable
@@ -617,14 +618,26 @@ def test_a_search_with_one_run_aligned_counts_only_if_it_leaves_less(monkeypatch
     best = search.begin()
     gaps_found, states = iter((3.0, 5.0)), []
 
-    def scripted(searches, start):
-        states.append([(one.store.fitter.start, one.store.fits) for one in searches])
-        return searches[0], SimpleNamespace(fit=searches[0].store.fits[()], gap=next(gaps_found))
+    class Scripted(Selection):
+        """Whose choice leaves a larger gap with a run aligned."""
+
+        @classmethod
+        def of_beams(cls, searches, start):
+            states.append([(one.store.fitter.start, one.store.fits) for one in searches])
+            one = cls(searches)
+            one.scripted = searches[0], SimpleNamespace(fit=searches[0].store.fits[()], gap=next(gaps_found))
+            return one
+
+        def choice(self):
+            return self.scripted
+
+        def stepwise(self):
+            return self.scripted[0], self.scripted[1].fit
 
     def aligned(problem, model):
         return model.start.with_command_delays({"r1": 0.1})
 
-    monkeypatch.setattr("rtds_host.diagnosis.diagnose.by_runs_left_out", scripted)
+    monkeypatch.setattr("rtds_host.diagnosis.diagnose.Selection", Scripted)
     monkeypatch.setattr(Problem, "aligned_commands", aligned)
     owner, taken = chosen_search(case, search, best, 1, frozenset())
     assert [dict(start.command_delays) for start, _ in states[1]] == [{"r1": 0.1}] * 2

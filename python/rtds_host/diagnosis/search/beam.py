@@ -7,16 +7,19 @@ everything. A beam keeps several explanations of each number of effects, and hel
 
 from __future__ import annotations
 
-from rtds_host.diagnosis.fit import Fit
+from collections.abc import Sequence
+
+from rtds_host.diagnosis.fit import Fit, Proposal
 from rtds_host.diagnosis.screen import Screen, clashes, sensitivities_of
 from rtds_host.diagnosis.search.driver import Search
 from rtds_host.diagnosis.search.moves.adding import with_candidate
 from rtds_host.diagnosis.search.screening import ranked
+from rtds_host.diagnosis.search.store import Store
 
 # Numerical: explanations that are kept of each number of effects, those that are fitted to convergence, the most
 # effects, and the effects of each screening that are tried on each explanation, of an axis and of a robot, whose sides
 # triple them.
-WIDTH, CONVERGED, DEPTH = 4, 12, 4
+WIDTH, CONVERGED, DEPTH = 4, 12, 3
 TRIED = {True: 12, False: 5}
 
 
@@ -62,6 +65,11 @@ def _extended(search: Search, beam: list[Fit]) -> list[Fit]:
         screens = [Screen(problem, fit, sensitivities, noise) for noise in (fit.noise, problem.white())]
         candidates = ranked(store, screens, TRIED[problem.robot.axis is not None])
         proposals += [with_candidate(store, fit, c) for c in candidates if not clashes(c.cause, fit.hypothesis)]
+    return most_probable(store, proposals, WIDTH)
+
+
+def most_probable(store: Store, proposals: Sequence[Proposal], count: int) -> list[Fit]:
+    """The most probable explanations of some proposals, fitted to convergence."""
     rough = {f.hypothesis: f for f in store.try_fits(proposals, rough=True)}
     fitted = store.converged(sorted(rough.values(), key=store.score)[:CONVERGED])
-    return sorted(filter(store.admissible, fitted), key=store.score)[:WIDTH]
+    return sorted(filter(store.admissible, fitted), key=store.score)[:count]

@@ -1,0 +1,80 @@
+"""Stepwise selection: what held-out runs choose is added to and exchanged in, where such a choice is not by chance."""
+
+import pytest
+from axis_machine import write_axis_case
+
+from rtds_host.contract import read_case
+from rtds_host.diagnosis.fit import scaled
+from rtds_host.diagnosis.gap import LEAST
+from rtds_host.diagnosis.problem import Problem
+from rtds_host.diagnosis.search import stepwise
+from rtds_host.diagnosis.search.driver import Search
+from rtds_host.diagnosis.search.stepwise import Selection, neighbours
+
+GAIN, FRICTION = ("driver_gain", "left"), ("coulomb_friction", "left")
+VISCOUS = ("viscous_friction", "left")
+
+
+def selection(case, *explanations):
+    """Of one search of a case: the explanation without effects and some others, values by cause."""
+    search = Search(Problem(case, 1), quick=True)
+    base = search.begin()
+    fits = [
+        search.store.try_fit(
+            tuple(sorted(e)), scaled(search.store.effects, tuple(sorted(e)), [e[c] for c in sorted(e)]), base
+        )
+        for e in explanations
+    ]
+    found = Selection([search])
+    found.judge(search, [base, *fits])
+    return found
+
+
+@pytest.fixture(scope="module")
+def linear(tmp_path_factory):
+    """A linear axis with a driver of 1.2 times the gain, and dry friction."""
+    folder = tmp_path_factory.mktemp("linear")
+    return read_case(write_axis_case(folder / "case", "linear", "voltage", gain=1.2, coulomb=0.05))
+
+
+def test_a_step_adds_the_effect_that_no_beam_had(linear):
+    found = selection(linear, {GAIN: {"ratio": 1.2}})
+    assert found.choice()[1].fit.hypothesis == (GAIN,)
+    search, fit = found.stepwise()
+    # Stribeck friction holds dry friction; the attribution takes the simpler one.
+    assert set(fit.hypothesis) in ({FRICTION, GAIN}, {("stribeck_friction", "left"), GAIN})
+    values = dict(zip(fit.hypothesis, fit.values))
+    assert values[GAIN]["ratio"] == pytest.approx(1.2, rel=0.03)
+    assert search.store.within_noise(fit)
+
+
+def test_a_step_exchanges_an_effect_for_one_that_leaves_less(linear):
+    """Viscous friction does a part of what dry friction does; held-out runs lead from the one to the other."""
+    found = selection(linear, {GAIN: {"ratio": 1.2}, VISCOUS: {"nm_s_per_rad": 0.01}})
+    assert found.choice()[1].fit.hypothesis == (GAIN, VISCOUS)
+    _, fit = found.stepwise()
+    assert set(fit.hypothesis) == {FRICTION, GAIN}
+
+
+def test_no_step_goes_beyond_the_budget(linear):
+    found = selection(linear, {GAIN: {"ratio": 1.2}})
+    (search,) = found.searches
+    search.limits.attribution_until = 0.0
+    assert neighbours(search, found.choice()[1].fit) == []
+    assert found.stepwise()[1].hypothesis == (GAIN,)
+
+
+@pytest.mark.parametrize(
+    ("kind", "mode", "unstable"),
+    [("pendulum", "torque", True), ("linear", "voltage", False), ("linear", "torque", False)],
+)
+def test_the_noise_of_the_start_makes_a_gap_where_the_motion_is_unstable(tmp_path, kind, mode, unstable):
+    """A pendulum that torque drives past its upright multiplies an error of its first row; what rolls does not."""
+    problem = Problem(read_case(write_axis_case(tmp_path / "case", kind, mode)), 1)
+    assert (problem.start_gap >= LEAST) == unstable
+
+
+def test_no_step_is_taken_where_whole_runs_choose_by_chance(linear, monkeypatch):
+    monkeypatch.setattr(Problem, "start_gap", LEAST)
+    monkeypatch.setattr(stepwise, "neighbours", lambda *_: pytest.fail("a step was tried"))
+    assert selection(linear, {GAIN: {"ratio": 1.2}}).stepwise()[1].hypothesis == (GAIN,)
