@@ -7,7 +7,7 @@ everything. A beam keeps several explanations of each number of effects, and hel
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from rtds_host.diagnosis.fit import Fit, Proposal
 from rtds_host.diagnosis.screen import Screen, clashes, sensitivities_of
@@ -56,16 +56,26 @@ def widened(search: Search) -> dict[int, list[Fit]]:
 
 def _extended(search: Search, beam: list[Fit]) -> list[Fit]:
     """The most probable explanations with one effect more than those of the beam, fitted to convergence."""
-    problem, store, proposals = search.problem, search.store, []
-    wanted = {e for e in store.wanted if not store.effects[e].periodic}
+    proposals = []
     for fit in beam:
         if search.limits.search_over_budget():
             break
-        sensitivities = sensitivities_of(store.fitter, fit, {}, wanted, {}, coarse=search.quick)
-        screens = [Screen(problem, fit, sensitivities, noise) for noise in (fit.noise, problem.white())]
-        candidates = ranked(store, screens, TRIED[problem.robot.axis is not None])
-        proposals += [with_candidate(store, fit, c) for c in candidates if not clashes(c.cause, fit.hypothesis)]
-    return most_probable(store, proposals, WIDTH)
+        proposals += additions(search, fit, screenings(search, fit)(fit))
+    return most_probable(search.store, proposals, WIDTH)
+
+
+def screenings(search: Search, fit: Fit) -> Callable[[Fit], list[Screen]]:
+    """Screens of this fit and of others, by signatures that are taken next to this one."""
+    problem, store = search.problem, search.store
+    wanted = {e for e in store.wanted if not store.effects[e].periodic}
+    sensitivities = sensitivities_of(store.fitter, fit, {}, wanted, {}, coarse=search.quick)
+    return lambda of: [Screen(problem, of, sensitivities, noise) for noise in (of.noise, problem.white())]
+
+
+def additions(search: Search, fit: Fit, screens: Sequence[Screen]) -> list[Proposal]:
+    """The explanation with one of the effects more that its screens rank first."""
+    candidates = ranked(search.store, screens, TRIED[search.problem.robot.axis is not None])
+    return [with_candidate(search.store, fit, c) for c in candidates if not clashes(c.cause, fit.hypothesis)]
 
 
 def most_probable(store: Store, proposals: Sequence[Proposal], count: int) -> list[Fit]:

@@ -14,12 +14,9 @@ from dataclasses import replace
 from rtds_host.diagnosis.choice import HeldOutScore, chosen
 from rtds_host.diagnosis.fit import Fit, Hypothesis
 from rtds_host.diagnosis.gap import LEAST
-from rtds_host.diagnosis.screen import Screen, clashes, sensitivities_of
-from rtds_host.diagnosis.search.beam import TRIED, most_probable, widened
+from rtds_host.diagnosis.search.beam import additions, most_probable, screenings, widened
 from rtds_host.diagnosis.search.driver import Search
 from rtds_host.diagnosis.search.moves import exchanging, removing, renaming
-from rtds_host.diagnosis.search.moves.adding import with_candidate
-from rtds_host.diagnosis.search.screening import ranked
 
 # Numerical: steps; explanations of each kind of step that are judged; effects that are tried in the place of one, of an
 # axis and of a robot; and pairs of effects in the place of two.
@@ -88,16 +85,8 @@ def neighbours(search: Search, fit: Fit) -> list[Fit]:
     if search.limits.attribution_over_budget() or not store.admissible(fit):
         return []
     problem.follow_angles(True)
-    wanted = {e for e in store.wanted if not store.effects[e].periodic}
-    sensitivities = sensitivities_of(store.fitter, fit, {}, wanted, {}, coarse=search.quick)
-
-    def screens(of: Fit) -> list[Screen]:
-        return [Screen(problem, of, sensitivities, noise) for noise in (of.noise, problem.white())]
-
-    found = [fit]
-    candidates = ranked(store, screens(fit), TRIED[axis])
-    added = [with_candidate(store, fit, one) for one in candidates if not clashes(one.cause, fit.hypothesis)]
-    found += most_probable(store, added, JUDGED)
+    screens = screenings(search, fit)
+    found = [fit, *most_probable(store, additions(search, fit, screens(fit)), JUDGED)]
     if not search.limits.attribution_over_budget():
         exchanged = []
         for cause, alone in zip(fit.hypothesis, removing.without(store, fit, *fit.hypothesis)):
