@@ -19,7 +19,7 @@ from rtds_host.diagnosis.forms.ends import movable, moved
 from rtds_host.diagnosis.forms.formula import fitted, laws
 from rtds_host.diagnosis.forms.in_place import in_place
 from rtds_host.diagnosis.forms.screen import FormCandidate
-from rtds_host.diagnosis.forms.search import Cause, Found, keep_sizes, searched
+from rtds_host.diagnosis.forms.search import Cause, Found, keep_sizes, rivals, searched
 from rtds_host.diagnosis.likelihood import Likelihood
 from rtds_host.diagnosis.predict import read_diagnosis
 from rtds_host.diagnosis.problem import Problem
@@ -245,6 +245,28 @@ def test_a_name_in_whose_equation_a_curve_leaves_clearly_less_is_said_to_be_appr
     assert note.startswith("Coulomb friction, left side is approximate")
     assert "torque over wheel speed" in note and "2 and not 4" in note
     assert approximate(problem, SimpleNamespace(forms=[(form, "right")], judged=found.judged, superseded=[])) == []
+
+
+def test_another_equations_curve_that_leaves_as_little_is_said_to_be_hardly_distinguishable():
+    def left(power):
+        return SimpleNamespace(residual_power=power, gap=np.sqrt(1.0 + power))
+
+    def form(term, over):
+        return SimpleNamespace(form=Form(term, over, -1.0, 1.0, 0.1))
+
+    best = left(3.0)
+    ended = [
+        (form("torque", "w"), best),
+        (form("torque", "i"), left(9.0)),
+        (form("torque", "i"), left(3.2)),
+        (form("voltage", "v_cmd"), left(3.5)),
+        (form("torque", "w"), left(3.1)),
+    ]
+    (note,) = rivals(ended, ended[0][0].form, left(8.0), best)
+    assert note.startswith("torque over wheel speed is hardly distinguishable on these runs from torque over current")
+    assert note.endswith("2 and 2.05")
+    # What hardly helps itself is no rival.
+    assert rivals(ended, ended[0][0].form, left(3.6), best) == []
 
 
 def test_what_is_written_with_a_form_is_what_was_fitted_along_with_it(problem):

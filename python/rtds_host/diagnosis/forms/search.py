@@ -22,6 +22,7 @@ from rtds_host.diagnosis.forms.curves import Form, shapes
 from rtds_host.diagnosis.forms.ends import GAINS, with_ends
 from rtds_host.diagnosis.forms.screen import FormCandidate, Slopes, screened, slopes
 from rtds_host.diagnosis.problem import Problem
+from rtds_host.diagnosis.report.words import OVER_WORDS, TERM_WORDS
 from rtds_host.diagnosis.thresholds import MAJORITY, MINOR_SHARE
 from rtds_host.plant import forms as plant
 
@@ -168,8 +169,32 @@ def _next(
         # Another equation's curve would then stand in for an effect that has a name.
         found.notes.append(f"{candidate.form.term} over {candidate.form.over}: {name} makes it as well, and is no form")
         return None
+    found.notes += rivals(ended, candidate.form, now, best)
     known[candidate.form.id] = candidate.form.effect()
     return candidate, best
+
+
+def rivals(
+    ended: Sequence[tuple[FormCandidate, HeldOutScore]], form: Form, now: HeldOutScore, best: HeldOutScore
+) -> list[str]:
+    """What is said where another equation's curve leaves as little of runs left out as the form that is taken.
+
+    Parameters
+    ----------
+    ended : all forms that were fitted, with what each leaves; now : what is left without any of them; best : what the
+        form leaves that is taken.
+    """
+    least: dict[tuple[str, str], HeldOutScore] = {}
+    for one, judged in ended:
+        place = one.form.term, one.form.over
+        if place != (form.term, form.over) and (place not in least or judged.gap < least[place].gap):
+            least[place] = judged
+    return [
+        f"{TERM_WORDS[form.term]} over {OVER_WORDS[form.over]} is hardly distinguishable on these runs from "
+        f"{TERM_WORDS[term]} over {OVER_WORDS[over]}: the gaps on held-out runs are {best.gap:.3g} and {judged.gap:.3g}"
+        for (term, over), judged in least.items()
+        if GAINS * pooled(judged, best) <= 1.0 and pooled(judged, now) <= MAX_RESIDUAL_RATIO
+    ]
 
 
 def _plainest(ended: Sequence[tuple[FormCandidate, HeldOutScore]]) -> tuple[FormCandidate, HeldOutScore]:
