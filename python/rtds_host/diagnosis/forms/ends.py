@@ -2,8 +2,8 @@
 
 The screening knows a few quantiles of what a case's runs pass through. A bend or a jump of the term that is sought
 rarely lies between two points of such a grid: it may lie beyond its end, or between the first two points. The ends of
-the curve that was chosen are moved therefore, by factors of two and then of the root of two, as long as held-out runs
-gain by it clearly.
+the curve that was chosen are moved therefore, by factors of four, of two and then of the root of two, as long as
+held-out runs gain by it clearly.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from rtds_host.plant import forms as plant
 Fits = Callable[[Sequence[FormCandidate]], Sequence[Fit]]
 # What other ends must leave at most of what is left: as other curves, all but a slight part.
 GAINS = 1.0 - MINOR_SHARE
-# Numerical: moves of the ends, in half octaves, coarse ones first.
-MOVES = (2, 1)
+# Numerical: moves of the ends, in half octaves, coarse ones first: a jump shows only once it lies within the ends.
+MOVES = (4, 2, 1)
 
 
 def movable(form: Form) -> bool:
