@@ -456,7 +456,6 @@ class Fitter:
             by_nuisance = self.by_nuisance
         noise = noise if fixed else noise.estimated(r)
         now = noise.cost(r) + prior_cost(x[:k], x[k:])
-        least = max(least, RELATIVE_GAIN * (now - len(r)))
         damping, since = 0.0, math.inf  # what was gained since the nuisances' derivatives were taken
         renewals = RENEWALS if len(start) else 0
         by_effect = np.empty((len(r), 0), np.float32)
@@ -466,14 +465,14 @@ class Fitter:
             gradient, hessian = self._gradient_and_hessian(x, r, noise, by_nuisance, by_effect)
             free = ~(((x <= low) & (gradient > 0)) | ((x >= high) & (gradient < 0)))
             keep = np.flatnonzero(free)
-            improved = 0.0
+            improved, enough = 0.0, max(least, RELATIVE_GAIN * (now - len(r)))
             for attempt in DAMPINGS[DAMPINGS.index(damping) :]:
                 damped = hessian[np.ix_(keep, keep)] + attempt * np.diag(np.diag(hessian)[keep])
                 step = np.zeros(len(x))
                 step[keep] = -np.linalg.solve(damped, gradient[keep])
                 predicted = float(abs(gradient @ step))
                 trial, moved, new = yield from self._tried(hypothesis, np.clip(x + step, low, high), noise, fixed)
-                if new >= now and predicted >= least and attempt == 0.0:
+                if new >= now and predicted >= enough and attempt == 0.0:
                     # Along a curved valley a part of the step makes progress where damping would stop it: to the
                     # minimum of the parabola through what is known of the line.
                     part = min(max(predicted / (new - now + 2.0 * predicted), SHORTEST), 0.5)
@@ -486,14 +485,14 @@ class Fitter:
                     improved = now - noise.cost(r) - prior_cost(x[:k], x[k:])
                     break
                 # The gain of a further step is too small to matter, or the nuisances' derivatives are out of date.
-                if predicted < least or (renewals and not known and since >= ROUGH_GAIN):
+                if predicted < enough or (renewals and not known and since >= ROUGH_GAIN):
                     break
             if improved > 0.0:
                 # None at all where it is not needed: along a valley that tolerances alone close, any would stop it.
                 damping = DAMPINGS[max(DAMPINGS.index(damping) - 1, 0)]
                 now = noise.cost(r) + prior_cost(x[:k], x[k:])
             since += improved
-            if improved < least and (known or not renewals or since < ROUGH_GAIN):
+            if improved < enough and (known or not renewals or since < ROUGH_GAIN):
                 break
             if improved < RENEWED and not known and renewals and since >= ROUGH_GAIN:
                 # Far from where they were taken, the nuisances' derivatives point the wrong way, and hide the valley in
