@@ -13,6 +13,8 @@ from rtds_host.diagnosis.search.stepwise import Selection, neighbours
 
 GAIN, FRICTION = ("driver_gain", "left"), ("coulomb_friction", "left")
 VISCOUS = ("viscous_friction", "left")
+# Stribeck friction holds dry friction; the attribution takes the simpler one.
+RIGHT = {FRICTION, GAIN}, {("stribeck_friction", "left"), GAIN}
 
 
 def selection(case, *explanations):
@@ -41,8 +43,7 @@ def test_a_step_adds_the_effect_that_no_beam_had(linear):
     found = selection(linear, {GAIN: {"ratio": 1.2}})
     assert found.choice()[1].fit.hypothesis == (GAIN,)
     search, fit = found.stepwise()
-    # Stribeck friction holds dry friction; the attribution takes the simpler one.
-    assert set(fit.hypothesis) in ({FRICTION, GAIN}, {("stribeck_friction", "left"), GAIN})
+    assert set(fit.hypothesis) in RIGHT
     values = dict(zip(fit.hypothesis, fit.values))
     assert values[GAIN]["ratio"] == pytest.approx(1.2, rel=0.03)
     assert search.store.within_noise(fit)
@@ -53,7 +54,7 @@ def test_a_step_exchanges_an_effect_for_one_that_leaves_less(linear):
     found = selection(linear, {GAIN: {"ratio": 1.2}, VISCOUS: {"nm_s_per_rad": 0.01}})
     assert found.choice()[1].fit.hypothesis == (GAIN, VISCOUS)
     _, fit = found.stepwise()
-    assert set(fit.hypothesis) == {FRICTION, GAIN}
+    assert set(fit.hypothesis) in RIGHT
 
 
 def test_no_step_goes_beyond_the_budget(linear):
