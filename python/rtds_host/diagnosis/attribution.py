@@ -1,8 +1,8 @@
 """The attribution of a gap: which effects are included, how probable each is, and which are indistinguishable.
 
-Where a gap remains, an effect is included if it reduces the residual on held-out runs (cross-validation, `choice`): the
-model is not exact then, and its likelihood overrates any small improvement. Where only noise is left the likelihood is
-exact, and its odds decide.
+Where a gap remains, an effect is included if it reduces the residual on held-out runs (cross-validation, `choice`). The
+model is not exact then, and its likelihood overstates the evidence for small improvements. Where only noise is left the
+likelihood is exact, and the posterior odds decide.
 """
 
 from __future__ import annotations
@@ -35,10 +35,11 @@ NOT_CROSS_VALIDATED = "does not reduce the residual of held-out runs"
 class EffectEvidence:
     """The evidence for one effect of an explanation.
 
-    without, refitted : the explanation without it, with the nuisances that give the smallest gap, and as fitted; gaps :
-    without and with it; gain : of log likelihood by it; t : the gain over its scatter between blocks; share : by how
-    much it reduces the likelihood's excess over white noise, relative to that without it; residual_ratio : the residual
-    with it over that without it, on held-out runs (`choice.residual_ratio`); probability : that it is present.
+    refitted : the explanation fitted without it; without : the same, with the nuisances that give the smallest gap;
+    gaps : without and with it; gain : of log likelihood by it; t : the gain over its standard deviation, estimated from
+    its scatter between blocks of time; share : by how much it reduces the likelihood's excess over white noise, as a
+    share of that without it; residual_ratio : the residual with it over that without it, on held-out runs
+    (`choice.residual_ratio`); probability : that it is present.
     """
 
     cause: Cause
@@ -58,8 +59,8 @@ class Attribution:
 
     base : the fit without effects; rejected : (effect, side) -> why an effect of the most probable explanation is not
     included; indistinguishable : sets, each with an included effect first; alternatives : explanations with their
-    probabilities, best first; shares : of each included effect with indistinguishable ones, its share of their common
-    probability, by prior.
+    probabilities, best first; shares : included effect with indistinguishable ones -> its share of the probability of
+    them all, in proportion to the priors.
     """
 
     fit: Fit
@@ -71,19 +72,20 @@ class Attribution:
     shares: dict[Cause, float] = field(default_factory=dict)
 
     def share(self, cause: Cause) -> float:
-        """An effect's share of its probability; indistinguishable ones have the rest (contract, section 5)."""
+        """An included effect's share of the probability that it has with its indistinguishable ones; 1 if it has none
+        (contract, section 5)."""
         return self.shares.get(cause, 1.0)
 
 
 def attribute(search: Search, fit: Fit) -> Attribution:
-    """The attribution of a gap to an explanation's effects: those that are included, each by its own evidence."""
+    """The attribution of a gap to the effects of an explanation; each is included or removed by its own evidence."""
     store = search.store
     simple = removing.pruned(store, fit) if store.within_noise(fit) else _simplest(store, fit)
     return _eliminated(search, simple if store.admissible(simple) else fit, {})
 
 
 def without_effects(search: Search, before: Attribution, removed: dict[Cause, str]) -> Attribution:
-    """An attribution without some of its effects, the others fitted and judged again.
+    """An attribution without some of its effects; the others are fitted and tested again.
 
     removed : these effects, and why each is no longer included.
     """
@@ -103,8 +105,9 @@ def _eliminated(search: Search, fit: Fit, rejected: dict[Cause, str]) -> Attribu
         removed = _weakest(store, fit, effects)
         if removed is None:
             break
-        one, rejected[one.cause] = removed
-        (fit,) = store.converged([one.refitted])
+        weakest, reason = removed
+        rejected[weakest.cause] = reason
+        (fit,) = store.converged([weakest.refitted])
     base = _base(store)
     if fit.hypothesis and left_out_gap(store.problem, fit) > left_out_gap(store.problem, base):
         rejected |= {cause: NOT_CROSS_VALIDATED for cause in fit.hypothesis}
@@ -136,14 +139,16 @@ def _simplest(store: Store, fit: Fit) -> Fit:
         (simple,) = store.converged([rough])
         score = HeldOutScore.of(problem, simple)
         if store.admissible(simple) and residual_ratio(full, score) > MAX_RESIDUAL_RATIO:
-            # The simpler form must help as well.
-            less = store.converged(removing.without(store, simple, *set(simple.hypothesis) - set(fit.hypothesis)))
-            if all(residual_ratio(score, HeldOutScore.of(problem, one)) <= MAX_RESIDUAL_RATIO for one in less):
+            # Each effect that replaces another must reduce the residual by enough, too.
+            reduced = store.converged(removing.without(store, simple, *set(simple.hypothesis) - set(fit.hypothesis)))
+            if all(residual_ratio(score, HeldOutScore.of(problem, one)) <= MAX_RESIDUAL_RATIO for one in reduced):
                 return _simplest(store, simple)
     return fit
 
 
 def _evidence_for(store: Store, fit: Fit, cause: Cause, refitted: Fit) -> EffectEvidence:
+    """The evidence for one effect: the largest of the log odds by likelihood, by gap and, where a gap remains, by
+    held-out runs, added to the prior's."""
     problem = store.problem
     gain, t = likelihood_gain(problem, fit, refitted)
     without, gap = _smallest_gap(store, fit, refitted)
@@ -151,7 +156,7 @@ def _evidence_for(store: Store, fit: Fit, cause: Cause, refitted: Fit) -> Effect
     ratio = max(residual_ratio(score, HeldOutScore.of(problem, one)) for one in dict.fromkeys((without, refitted)))
     evidence = [log_odds(gain, t), log_odds(*gap_gain(problem, fit, without))]
     if not store.within_noise(fit):
-        # The log likelihood ratio of held-out runs, each block of time one sample of unknown variance.
+        # The log likelihood ratio of held-out runs: each block of time is one Gaussian sample of unknown variance.
         evidence.append(-0.5 * problem.block_count * math.log(ratio))
     odds = store.log_prior((cause,)) + max(evidence)
     probability = 1.0 / (1.0 + math.exp(-max(min(odds, 50.0), -50.0)))
@@ -160,18 +165,18 @@ def _evidence_for(store: Store, fit: Fit, cause: Cause, refitted: Fit) -> Effect
 
 
 def _smallest_gap(store: Store, fit: Fit, without: Fit) -> tuple[Fit, float]:
-    """The explanation without an effect, with the nuisances that give the smallest gap, and that gap. The most likely
-    nuisances may give a larger gap, and so overrate the effect."""
+    """The explanation without an effect, with the nuisances that give the smallest gap, and that gap. The most probable
+    nuisances may give a larger gap, and so overstate the effect's contribution."""
     problem = store.problem
     kept = replace(without, z=fit.z, residual=problem.residual(without.model_at(problem, fit.z)))
-    tried = [without, kept, *([store.nuisances_only()] if not without.hypothesis else [])]
-    gaps = [problem.gap_as_fitted(f.model(problem)) for f in tried]
-    k = min(range(len(tried)), key=gaps.__getitem__)
-    return tried[k], gaps[k]
+    candidates = [without, kept, *([store.nuisances_only()] if not without.hypothesis else [])]
+    gaps = [problem.gap_as_fitted(f.model(problem)) for f in candidates]
+    k = min(range(len(candidates)), key=gaps.__getitem__)
+    return candidates[k], gaps[k]
 
 
 def _weakest(store: Store, fit: Fit, effects: list[EffectEvidence]) -> tuple[EffectEvidence, str] | None:
-    """The effect with the least evidence, if that does not suffice, and why."""
+    """The effect with the least evidence and the reason to remove it; None if the evidence for each suffices."""
     if store.within_noise(fit):
         one = min(effects, key=lambda s: s.probability)
         if one.probability < MAJORITY:
@@ -182,27 +187,27 @@ def _weakest(store: Store, fit: Fit, effects: list[EffectEvidence]) -> tuple[Eff
     one = max(effects, key=lambda s: s.residual_ratio)
     if one.residual_ratio > MAX_RESIDUAL_RATIO:
         return one, f"{NOT_CROSS_VALIDATED} (it leaves {min(one.residual_ratio, 9.99):.2f} of the unexplained part)"
-    # Any model may reduce a small residual by a small share of the gap without effects.
+    # Almost any effect reduces the gap by a small share of the gap without effects.
     one = min(effects, key=lambda s: s.gaps[0] - s.gaps[1])
     return (one, NEGLIGIBLE) if one.gaps[0] - one.gaps[1] < FEW_SHARE * store.gap(store.fits[()]) else None
 
 
 def _negligible_gap(store: Store, fit: Fit, one: EffectEvidence) -> float | None:
-    """Where only noise is left: the gap without an effect, if the effect's reduction of it is not significant."""
+    """Where only noise is left: the gap without an effect if the effect does not reduce it enough; else None."""
     problem, (without, gap) = store.problem, one.gaps
     if excess(problem, fit) > 0.0:
         return None if enough_to_include(without, gap, one.share) else without
-    # Refitted tolerances may replace the effect nearly: only the likelihood distinguishes them then. So the gap without
-    # the effect is taken with all else unchanged. Where they replace it to within noise, its removal must raise the
-    # squared gap by more than that of noise, 1.
-    replaced = without < LEAST and excess(problem, store.fits[one.without.hypothesis]) == 0.0
+    # Refitted nuisances may compensate for nearly all of the effect, so that only the likelihood distinguishes the two.
+    # So the gap without the effect is computed with all other parameters unchanged. Where the nuisances compensate for
+    # it to within noise, its removal must then raise the squared gap by more than that of noise, 1.
+    compensated = without < LEAST and excess(problem, store.fits[one.without.hypothesis]) == 0.0
     without = max(without, problem.gap_as_fitted(absent(problem, fit, one.cause)))
-    included = enough_to_include(without, gap) and not (replaced and without**2 - gap**2 < 1.0)
+    included = enough_to_include(without, gap) and not (compensated and without**2 - gap**2 < 1.0)
     return None if included else without
 
 
 def _share(store: Store, causes: tuple[Cause, ...]) -> float:
-    """The share of the first of a set of indistinguishable effects, by prior."""
+    """The prior probability of the first of a set of indistinguishable effects over the sum of those of the set."""
     priors = [math.exp(store.log_prior((cause,))) for cause in causes]
     return priors[0] / sum(priors)
 
@@ -210,6 +215,7 @@ def _share(store: Store, causes: tuple[Cause, ...]) -> float:
 def _alternatives(
     store: Store, fit: Fit, effects: list[EffectEvidence], rivals: list[Fit]
 ) -> tuple[tuple[Hypothesis, float], ...]:
+    """Explanations with their posterior probabilities, best first; none is more probable than the fit."""
     others = {f.hypothesis: f for f in [*rivals, *(s.without for s in effects), store.fits[()]] if f is not fit}
     weights = {fit.hypothesis: 1.0}
     for hypothesis, other in others.items():

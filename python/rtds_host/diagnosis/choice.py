@@ -1,17 +1,19 @@
-"""The choice between explanations: by what they leave of runs that they were not fitted to.
+"""The choice between explanations: by their residuals on held-out runs (cross-validation).
 
 One criterion, wherever a gap remains: on held-out runs each effect must reduce the residual to at most
-`MAX_RESIDUAL_RATIO` of what it is without the effect (contract, section 5: what does not help there is not included,
-however likely it is). The residual is G^2 - f, the squared gap minus that of noise, f being 1 where the noise is as
-declared. It is taken over all channels at once, and as the geometric mean over channels, so that an effect that one
-quiet channel shows is not lost next to a loud one.
+`MAX_RESIDUAL_RATIO` of what it is without the effect (contract, section 5). An effect that does not is not included,
+however large its likelihood. The residual is G^2 - f, the squared gap minus that of noise; f is 1 where the noise is as
+declared. It is computed over all channels at once, and as the geometric mean over channels. So a channel with a large
+residual does not hide an effect that only a channel with a small one shows.
 
-f is measured (`sample_noise`), so that the choice does not depend on the noise that a file declares: declared three
-times too small, white noise would count as unexplained, and each effect would seem to leave more than it does.
+f is estimated from the samples (`sample_noise`), so that the choice does not depend on the noise that a file declares.
+If that were three times too small, white noise would count as unexplained, and each effect would seem to reduce the
+residual by a smaller share.
 
-An axis is judged over two horizons, whole runs and pieces that start from the measured state, by the geometric mean of
-what is left over both. Over a whole run slow effects add up, but where the motion is unstable, as near an upright
-pendulum, no model follows it, and one that hardly moves comes closest; over pieces such a model is far off.
+For an axis there are two prediction horizons: whole runs, and pieces that start from the measured state. Its residual
+is the geometric mean over both. Over a whole run slow effects accumulate. But where the motion is unstable, as that of
+an upright pendulum, no model predicts a whole run, and one that hardly moves has the smallest error. Over pieces the
+error of such a model is large.
 """
 
 from __future__ import annotations
@@ -26,18 +28,23 @@ from rtds_host.diagnosis.fit import Fit
 from rtds_host.diagnosis.left_out import Errors, over_pieces, over_runs, predicted
 from rtds_host.diagnosis.problem import Problem
 
-# The residual with an effect over that without it, at most, on held-out runs. A judgement, set with open cases at hand.
+# The residual with an effect over that without it, at most, on held-out runs. A heuristic, set on
+# cases whose causes were known.
 MAX_RESIDUAL_RATIO = 0.75
-# Gaps on held-out runs within this ratio do not distinguish explanations: as much is no gap.
+# Explanations are equivalent if the ratio of their gaps on held-out runs is at most this. A gap that is at most as many
+# times that of noise counts as none.
 EQUIVALENT_GAP_RATIO = gaps.LEAST
-# Of a channel or a case, what counts as no gap (contract, section 4).
+# The squared gap beyond that of noise, over that of noise, that still counts as no gap (contract, section 4).
 NO_GAP = gaps.LEAST**2 - 1.0
 
 
 @dataclass(frozen=True)
 class HeldOutScore:
-    """A fit, the problem that it is a fit of (whole runs or pieces), and its errors on held-out runs over each horizon:
-    whole runs and, of an axis, pieces that start from the measured state."""
+    """A fit, the problem that it solves (over whole runs or over pieces), and its errors on held-out runs.
+
+    horizons : errors by channel of each held-out run; over whole runs and, of an axis, over pieces that start from the
+    measured state.
+    """
 
     fit: Fit
     problem: Problem
@@ -51,22 +58,22 @@ class HeldOutScore:
 
     @cached_property
     def residual_power(self) -> float:
-        """The squared gap beyond noise, of all channels at once: geometric mean over the horizons."""
+        """The residual: the squared gap beyond that of noise, over all channels; geometric mean over the horizons."""
         return _mean([self._beyond_noise(gaps.pooled(parts)) for parts in self.horizons])
 
     @cached_property
     def residual_power_by_channel(self) -> Mapping[tuple[int, str], float]:
-        """The same of each channel by itself, by horizon and channel."""
+        """The same for each channel alone: (horizon, channel) -> residual."""
         pooled = [(horizon, gaps.pooled(parts)) for horizon, parts in enumerate(self.horizons)]
         return {(horizon, c): self._beyond_noise({c: gap}) for horizon, found in pooled for c, gap in found.items()}
 
     @property
     def gap(self) -> float:
-        """The gap that would leave as much."""
+        """The gap over whole runs that gives this residual: the root of it plus the squared gap of noise."""
         return math.sqrt(self._noise(gaps.pooled(self.horizons[0])) + self.residual_power)
 
     def _beyond_noise(self, gap_of: dict[str, float]) -> float:
-        """The squared gap of some channels beyond that of noise, at the least what counts as none."""
+        """The squared gap of some channels beyond that of noise; at least what counts as no gap."""
         noise = self._noise(gap_of)
         return max(gaps.gap(gap_of) ** 2 - noise, NO_GAP * noise)
 
@@ -90,28 +97,30 @@ def residual_ratio(one: HeldOutScore, other: HeldOutScore) -> float:
     at once and of the geometric mean over channels."""
     ratio, powers = pooled(one, other), other.residual_power_by_channel
     mean = _mean([value / powers[key] for key, value in one.residual_power_by_channel.items() if key in powers])
-    # What brings one channel closer and opens the whole is no explanation of it. But equivalent gaps of the whole say
-    # nothing: a loud channel makes them, and by a sensor that lags the others cannot come closer.
+    # An effect that reduces the residual of some channels but raises the total is no explanation. Equivalent totals are
+    # no evidence against it: a channel with a large residual dominates them, such as that of a sensor with a lag.
     return min(ratio, mean) if ratio <= EQUIVALENT_GAP_RATIO**2 else ratio
 
 
 def chosen(found: Mapping[int, list[HeldOutScore]], prior: Callable[[Fit], float]) -> HeldOutScore:
-    """The largest explanation whose every effect reduces the residual of held-out runs by enough.
+    """The explanation with the most effects that held-out runs support.
 
-    Looks ahead: j effects may help only together, if they leave at most `MAX_RESIDUAL_RATIO`^j. Of the explanations of
-    that many effects that do so and leave equivalent gaps, the most probable one: smaller and more usual effects go
-    before large ones that cancel, unless these leave less in many runs. A held-out run counts as one sample of unknown
-    size: its blocks of time are off in the same way.
+    Some effects reduce the residual only together. So j further effects are supported if they reduce it to less than
+    `MAX_RESIDUAL_RATIO`^j of that with fewer effects. Of the supported explanations with that many effects and
+    equivalent gaps, the most probable one is chosen. Small and common effects are therefore preferred to large ones
+    that cancel, unless the latter leave a smaller residual in many runs. Each held-out run counts as one Gaussian
+    sample of unknown variance, since the errors of its blocks of time are correlated.
 
     Parameters
     ----------
-    found : explanations by their number of effects; prior : -2 log prior density of a fit.
+    found : number of effects -> explanations; prior : -2 log prior density of a fit.
     """
     count = min(found)
-    helpful, best = found[count], min(found[count], key=lambda one: one.gap)
+    supported, best = found[count], min(found[count], key=lambda one: one.gap)
     for n in sorted(found):
         limit = MAX_RESIDUAL_RATIO ** (n - count)
-        if n > count and (better := [one for one in found[n] if residual_ratio(one, best) < limit]):
-            count, helpful, best = n, better, min(better, key=lambda one: one.gap)
-    alike = [one for one in helpful if one.gap <= EQUIVALENT_GAP_RATIO * best.gap]
-    return min(alike, key=lambda one: prior(one.fit) + len(one.horizons[0]) * math.log(one.residual_power))
+        if n > count and (larger := [one for one in found[n] if residual_ratio(one, best) < limit]):
+            count, supported, best = n, larger, min(larger, key=lambda one: one.gap)
+    equivalent = [one for one in supported if one.gap <= EQUIVALENT_GAP_RATIO * best.gap]
+    # -2 log posterior density but for a constant.
+    return min(equivalent, key=lambda one: prior(one.fit) + len(one.horizons[0]) * math.log(one.residual_power))

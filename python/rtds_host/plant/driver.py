@@ -1,4 +1,4 @@
-"""Driver and supply: from a command to the voltage at a winding."""
+"""Motor driver and supply: from a command to the voltage at a winding."""
 
 from __future__ import annotations
 
@@ -9,16 +9,17 @@ from rtds_host.plant.compiled import law
 
 @law
 def clipped(value, limit):
-    """A value within -limit and limit, in its unit (contract, section 1: a duty is clipped to ±1)."""
+    """A value saturated at ±limit, in its unit (contract, section 1: a duty cycle is clipped to ±1)."""
     return min(max(value, -limit), limit)
 
 
 @law
 def duty(volts, supply, curve, deadzone, gain):
-    """Voltage behind a driver's curve, dead zone and gain, V, at the nominal bus.
+    """Output voltage of a driver with a nonlinear curve, a dead zone and a gain, V, at the nominal bus voltage.
 
-    V = gain (u - sgn(u) min(|u|, deadzone)), u = v (1 + curve (1 - |v| / supply)); a deadzone below zero adds to the
-    command. volts, supply, deadzone : V; curve, gain : 1. Source: contract, section 3.
+    V = gain (u - sgn(u) min(|u|, deadzone)), u = v (1 + curve (1 - |v| / supply)). A negative dead zone subtracts
+    |deadzone| sgn(u) instead, even where that changes the sign. volts : the command v, V; supply, deadzone : V; curve,
+    gain : 1. Source: contract, section 3.
     """
     if curve != 0.0:
         volts *= 1.0 + curve * (1.0 - min(abs(volts) / supply, 1.0))
@@ -33,9 +34,10 @@ def duty(volts, supply, curve, deadzone, gain):
 
 @law
 def after_bridge_drop(volts, emf, drop):
-    """Voltage at a winding, V, behind a drop against its current: V - drop sgn(i) (contract, section 3).
+    """Voltage at a winding, V, after the bridge's drop: V - drop sgn(i) (contract, section 3).
 
-    A drop above zero goes as far as stopping the current; one below zero has its size whatever the current. All in V.
+    The current i has the sign of V - emf. The drop is at most |V - emf|: it can stop the current, not reverse it. A
+    negative drop is subtracted with its full size |drop|, even where that reverses the current. All in V.
     """
     u = volts - emf
     against = -drop if u > 0.0 else (drop if u < 0.0 else 0.0)
@@ -44,7 +46,7 @@ def after_bridge_drop(volts, emf, drop):
 
 @law
 def winding_voltage(volts, emf, limit, drop):
-    """Voltage at a winding, V, of what a driver is asked for: within its limit, less its drop. All in V."""
+    """Voltage at a winding, V: the driver's output saturated at ±limit, minus the bridge's drop. All in V."""
     return after_bridge_drop(clipped(volts, limit), emf, drop)
 
 
@@ -59,41 +61,52 @@ def amplifier(volts, limit, torque_per_volt):
 
 @law
 def unloaded_bus(supply, decline, elapsed):
-    """Bus without a load, V, `elapsed` s after a run began: supply - decline t (contract, section 3). decline : V/s."""
+    """Open-circuit bus voltage, V, `elapsed` s after a run's start: supply - decline t (contract, section 3).
+
+    decline : rate of the battery's discharge, V/s.
+    """
     return supply - decline * elapsed
 
 
 @law
 def loaded_bus(supply, source, current, decline, elapsed):
-    """Bus at a current drawn, V: supply - source i - decline t (contract, section 3). source : ohm; current : A."""
+    """Bus voltage under load, V: supply - source i - decline t (contract, section 3).
+
+    source : internal resistance of the supply, ohm; current : drawn from the bus, A; decline, elapsed : as of
+    `unloaded_bus`.
+    """
     return supply - source * current - decline * elapsed
 
 
 @law
 def bus_current(current, volts, supply):
-    """Current that a bridge draws from its bus, A: i v / supply (pulse-width modulation, contract, section 3)."""
+    """Current that a bridge draws from its bus, A: i v / supply (pulse-width modulation, contract, section 3).
+
+    current : in the winding, A; volts : commanded, V, so that v / supply is the duty cycle.
+    """
     return current * volts / supply
 
 
 @law
 def sagging(supply, source, level, unloaded, current, slope):
-    """Bus under load, V, by one step of Newton: bus = unloaded - source i(bus) (contract, section 3).
+    """Bus voltage under load, V, by one Newton step for bus = unloaded - source i(bus) (contract, section 3).
 
-    supply, unloaded : V; source : ohm; level : the bus before over the supply, 1; current : A at that bus; slope : A,
-    by how much it grows with the level. A higher bus drives more current, which lowers it.
+    supply : nominal, V; unloaded : open-circuit voltage, V; source : internal resistance, ohm; level : present iterate
+    of the bus voltage over supply, 1; current : i at that voltage, A; slope : its derivative with respect to level, A.
     """
     return level * supply + (unloaded - source * current - level * supply) / (1.0 + source * slope / supply)
 
 
 @law
 def servo(miss, integral, kp, ki, period, limit, release):
-    """Voltage, V, and integral, V, of a saturated PI controller on a speed's error (contract, section 7, speed mode).
+    """Voltage, V, and integral, V, of a saturated PI speed controller with anti-windup (contract, section 7).
 
-    miss : rad/s; kp : V·s/rad; ki : V/rad; period : s; limit : V on the integral and on the voltage; release : share of
-    what the limit cuts by which the integral gives way (back-calculation: K. J. Åström, R. M. Murray, "Feedback
-    Systems", 2008, section 10.4).
+    miss : control error, reference minus measured speed, rad/s; integral : before this sample, V; kp : V·s/rad; ki :
+    V/rad; period : sampling period, s; limit : saturation of the integral and of the voltage, V; release : anti-windup
+    gain, 1: the share of saturated minus unsaturated voltage that is added to the integral (back-calculation:
+    K. J. Åström, R. M. Murray, "Feedback Systems", 2008, section 10.4).
     """
     integral = clipped(integral + ki * miss * period, limit)
-    wanted = kp * miss + integral
-    volts = clipped(wanted, limit)
-    return volts, integral + release * (volts - wanted)
+    unsaturated = kp * miss + integral
+    volts = clipped(unsaturated, limit)
+    return volts, integral + release * (volts - unsaturated)

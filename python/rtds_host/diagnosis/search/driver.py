@@ -1,7 +1,8 @@
 """One stepwise search for the most probable explanation.
 
-Effects are added while the evidence supports them (forward selection) and removed where they no longer help (backward
-elimination). Then effects of the explanation are exchanged for others. Both are repeated until nothing improves.
+Effects are added while the evidence supports them (forward selection) and removed once it no longer does (backward
+elimination). Then effects of the explanation are exchanged for others. Both are repeated until no exchange makes the
+explanation more probable.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ MOST_WORK, QUICK_WORK = 1.2e9, 4e8
 
 
 class Limits:
-    """Budgets of work of one search and of the attribution after it, which has as much again.
+    """Budgets of work of one search and of the attribution after it, both of the same size.
 
     `ended`: whether one of them was used up.
     """
@@ -52,12 +53,12 @@ class Limits:
 
 
 class Search:
-    """One case's search over explanations; `trace` says which steps were taken."""
+    """One case's search over explanations; `trace` lists the steps that changed the explanation."""
 
     def __init__(self, problem: Problem, quick: bool = False, without: frozenset[str] = frozenset()):
         self.problem, self.quick = problem, quick
         self.store, self.screening, self.limits = Store(problem, without), Screening(quick), Limits(problem, quick)
-        self.searched: set[Hypothesis] = set()  # explanations from which all effects were screened again
+        self.searched: set[Hypothesis] = set()  # explanations at which all sensitivities were computed again
         self.trace: list[str] = []
 
     def begin(self) -> Fit:
@@ -73,7 +74,7 @@ class Search:
         found = self._search()
         suggested = store.fitter.start
         if suggested.headings and not store.within_noise(found):
-            # Headings estimated with the nominal robot are biased by unmodelled effects: search from the declared too.
+            # Headings estimated with the nominal robot are biased by unmodelled effects: search with the declared, too.
             first, store.fits = store.fits, {}
             store.fitter.start = suggested.with_headings({}).with_command_delays({})
             other = self._search()
@@ -86,7 +87,7 @@ class Search:
         return self._open_loop(found)
 
     def _align(self) -> None:
-        """Let a ripple follow the measured angles, and estimate the runs' initial states with the nominal robot."""
+        """Evaluate ripples at the measured angles, and estimate the runs' initial states with the nominal robot."""
         self.problem.follow_angles(True)
         fitter = self.store.fitter
         fitter.start = self.problem.aligned(self.problem.nominal.with_start(fitter.start))
@@ -97,34 +98,35 @@ class Search:
         return self.problem.white().estimated(self.problem.residual(nominal))
 
     def _without_effects(self, discrepancy: Likelihood) -> Fit:
-        """The explanation without any effect; the next screening takes all signatures again."""
+        """The explanation without any effect; the next screening computes the sensitivities to all effects again."""
         self.screening, self.searched = self.screening.again(), {()}
         return self.store.fit_without_effects(discrepancy)
 
     def _search(self) -> Fit:
+        """Forward selection and exchange in turn, until no exchange is more probable or the budget is used up."""
         store, over_budget, discrepancy = self.store, self.limits.search_over_budget, self._discrepancy()
         self.limits.begin()
         fit = self._without_effects(discrepancy)
         for _ in range(EXCHANGES):
             fit = self.select_forward(fit)
-            before = refining.refine_locally(store, fit, fit.hypothesis)
+            refined = refining.refine_locally(store, fit, fit.hypothesis)
             count = 1 if over_budget() else 2 if self.quick else 4
-            fit = self._traced("exchange", before, exchanging.exchanged(store, self.screening, before, count))
-            if fit is before and not over_budget():
-                fit = self._traced("exchange", before, exchanging.pairs_exchanged(store, self.screening, before))
-            if fit is before or over_budget():
+            fit = self._traced("exchange", refined, exchanging.exchanged(store, self.screening, refined, count))
+            if fit is refined and not over_budget():
+                fit = self._traced("exchange", refined, exchanging.pairs_exchanged(store, self.screening, refined))
+            if fit is refined or over_budget():
                 break
-        # Where no gap is left the likelihood decides, even if effects are too small to be named. The attribution
+        # Where no gap is left the likelihood decides, even if effects are too small to be included. The attribution
         # removes these.
         fit = fit if store.admissible(fit) else store.best()
         fit = store.more_probable(fit, [store.best()]) if store.within_noise(fit) else fit
         return self._traced("rename", fit, renaming.renamed(store, fit))
 
     def _traced(self, step: str, fit: Fit, other: Fit) -> Fit:
-        """The explanation after a step, which is written to the trace if it is a different one."""
+        """The explanation after a step; the step is written to the trace if it changed the explanation."""
         if other is not fit:
-            out, new = set(fit.hypothesis) - set(other.hypothesis), set(other.hypothesis) - set(fit.hypothesis)
-            self.trace.append(f"{step} {out or ''} -> {new or ''}, {self.store.score(other):.0f}")
+            removed, added = set(fit.hypothesis) - set(other.hypothesis), set(other.hypothesis) - set(fit.hypothesis)
+            self.trace.append(f"{step} {removed or ''} -> {added or ''}, {self.store.score(other):.0f}")
         return other
 
     def _as_declared(self, fit: Fit) -> Fit:
@@ -140,7 +142,7 @@ class Search:
         return fit
 
     def _open_loop(self, fit: Fit) -> Fit:
-        """The explanation fitted with a ripple at the replay's own angle, as the gap is judged."""
+        """The explanation fitted in open loop: with ripples at the simulated angles, as the gap is computed."""
         store = self.store
 
         def periodic(hypothesis: Hypothesis) -> bool:
@@ -157,9 +159,10 @@ class Search:
         return adding.extended(self.store, screens, fit, 5 if self.quick else 10)
 
     def best_supported(self, accepted: Fit, closest: float) -> Fit | None:
-        """The most probable explanation fitted so far with one effect more that is supported; None if there is none.
+        """The most probable supported explanation, of those fitted so far, with one effect more; None if there is none.
 
-        The effect with the largest gain may be a substitute that is supported by one run only.
+        closest : the smallest gap so far. The effect with the largest gain may be a substitute that a single run
+        supports.
         """
         store = self.store
         larger = [
@@ -176,8 +179,8 @@ class Search:
     def select_forward(self, fit: Fit) -> Fit:
         """Forward selection: add effects while the evidence supports them.
 
-        An effect may be supported only once another is in the explanation. So up to `MAX_UNSUPPORTED` unsupported ones
-        in a row are tried, and removed again if the next is not supported either.
+        Some effects are supported only together with another. So up to `MAX_UNSUPPORTED` unsupported ones in a row are
+        added, and removed again if the explanation with the next is not supported either.
         """
         store = self.store
         accepted, unsupported, closest = fit, 0, store.gap(fit)
@@ -198,7 +201,7 @@ class Search:
             elif accepted.hypothesis in self.searched or store.within_noise(accepted):
                 break
             else:
-                # A delay or a wrong constant may have masked others in the first screening: backlash, a slipping tyre.
+                # A delay or a wrong constant may have masked other effects in the first screening, such as backlash.
                 fit, unsupported, self.screening = accepted, 0, self.screening.again()
                 self.searched.add(fit.hypothesis)
         return accepted
@@ -214,6 +217,6 @@ class Search:
         store.fitter.by_nuisance, store.fitter.start = None, start
         store.restrict_to(store.fits[()], accepted, fit)
         accepted, fit = store.fits[accepted.hypothesis], store.fits[fit.hypothesis]
-        # With wrong initial states, an effect that compensated for them may have been chosen: choose again.
+        # The last effect may have been added because it compensated for wrong initial states: choose it again.
         other = self.extend(accepted) if fit is not accepted else None
         return accepted, min((f for f in (fit, other) if f is not None), key=store.score)

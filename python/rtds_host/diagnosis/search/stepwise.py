@@ -1,8 +1,9 @@
 """Stepwise selection by held-out runs, for cases in which a gap remains.
 
-Beams keep what the likelihood ranks first, but held-out runs decide (`choice`). So the search goes on from the
-explanation that they choose: one effect is added, or one or two are exchanged, and they choose again. It ends where
-no such step leads to another explanation (M. A. Efroymson, Multiple regression analysis, 1960).
+A beam keeps the explanations of highest likelihood, but held-out runs decide between explanations (`choice`). So the
+search continues from the explanation that held-out runs choose. A step adds one effect, or exchanges one or two for
+others, and held-out runs choose again (M. A. Efroymson, Multiple regression analysis, 1960). The search ends when they
+choose an explanation from which steps were tried already, when only noise is left, or after `STEPS` steps.
 """
 
 from __future__ import annotations
@@ -18,13 +19,13 @@ from rtds_host.diagnosis.search.beam import additions, most_probable, screenings
 from rtds_host.diagnosis.search.driver import Search
 from rtds_host.diagnosis.search.moves import exchanging, removing, renaming
 
-# Numerical: steps; explanations of each kind of step that are judged; effects that are tried in the place of one, of an
-# axis and of a robot; and pairs of effects in the place of two.
+# Numerical: most steps; explanations by additions, and by exchanges, that held-out runs judge at each step; effects of
+# each screening that are tried in exchange for one, of an axis (True) and of a robot (False); pairs for two.
 STEPS, JUDGED, EXCHANGED, PAIRS = 3, 6, {True: 4, False: 2}, 3
 
 
 class Selection:
-    """Explanations of several searches over the same runs, and which of them held-out runs choose."""
+    """The explanations of several searches over the same runs, each with its score on held-out runs."""
 
     def __init__(self, searches: Sequence[Search]):
         self.searches = searches
@@ -32,7 +33,7 @@ class Selection:
 
     @classmethod
     def of_beams(cls, searches: Sequence[Search], best: Fit) -> Selection:
-        """What beams of these searches find, and the first one's best explanation."""
+        """The explanations that a beam of each search finds, and `best`, the first search's most probable one."""
         selection = cls(searches)
         selection.judge(searches[0], [best])
         for search in searches:
@@ -41,62 +42,65 @@ class Selection:
         return selection
 
     def judge(self, search: Search, fits: Sequence[Fit]) -> None:
-        """Take explanations of a search in."""
+        """Score explanations of a search on held-out runs and add them."""
         self._judged += [(HeldOutScore.of(search.problem, fit), search) for fit in fits]
 
     def choice(self) -> tuple[Search, HeldOutScore]:
-        """The explanation that held-out runs choose, and the search that it is of."""
-        found: dict[int, list[HeldOutScore]] = {}
+        """The score of the explanation that held-out runs choose, and the search that found it."""
+        by_count: dict[int, list[HeldOutScore]] = {}
         for score, _ in self._judged:
-            found.setdefault(len(score.fit.hypothesis), []).append(score)
-        taken = chosen(found, self.searches[0].store.prior)
-        return next(search for score, search in self._judged if score is taken), taken
+            by_count.setdefault(len(score.fit.hypothesis), []).append(score)
+        selected = chosen(by_count, self.searches[0].store.prior)
+        return next(search for score, search in self._judged if score is selected), selected
 
     def stepwise(self) -> tuple[Search, Fit]:
-        """The same after steps from there."""
-        owner, taken = self.choice()
-        seen: set[Hypothesis] = {()}
-        # Where the noise of the start alone makes a gap, whole runs choose by chance, the more the more there is.
+        """The explanation that held-out runs choose after further steps, and the search that found it."""
+        found_by, selected = self.choice()
+        tried: set[Hypothesis] = {()}
+        # Where the motion is unstable, noise in the initial state alone makes a gap. Whole runs then choose by chance.
+        # The more explanations are compared, the more often one is chosen by chance: no step adds any.
         for _ in range(STEPS if self.searches[0].problem.start_gap < LEAST else 0):
-            if taken.fit.hypothesis in seen or owner.store.within_noise(taken.fit):
+            if selected.fit.hypothesis in tried or found_by.store.within_noise(selected.fit):
                 break
-            seen.add(taken.fit.hypothesis)
+            tried.add(selected.fit.hypothesis)
             for search in self.searches:
-                self.judge(search, neighbours(search, _of(search, taken)))
-            owner, taken = self.choice()
-        # What plain squares found is judged by the likelihood as all else is, and fitted by it where that is exact.
-        fit = replace(taken.fit, noise=owner.problem.white().estimated(taken.fit.residual))
-        return owner, owner.store.converged([fit])[0] if owner.store.within_noise(fit) else fit
+                self.judge(search, neighbours(search, _of(search, selected)))
+            found_by, selected = self.choice()
+        # The fit may be one by ordinary least squares (`Store.local_optima`). Its likelihood is estimated from its
+        # residual, as that of any other fit. Where only noise is left, it is fitted again by maximum likelihood.
+        fit = replace(selected.fit, noise=found_by.problem.white().estimated(selected.fit.residual))
+        return found_by, found_by.store.converged([fit])[0] if found_by.store.within_noise(fit) else fit
 
 
-def _of(search: Search, taken: HeldOutScore) -> Fit:
-    """A chosen explanation as a fit of this search's problem."""
-    if taken.problem is search.problem:
-        return taken.fit
-    return search.store.try_fit(taken.fit.hypothesis, taken.fit.u, search.store.fits[()])
+def _of(search: Search, selected: HeldOutScore) -> Fit:
+    """The selected explanation as a fit of this search's problem; fitted again if another search found it."""
+    if selected.problem is search.problem:
+        return selected.fit
+    return search.store.try_fit(selected.fit.hypothesis, selected.fit.u, search.store.fits[()])
 
 
 def neighbours(search: Search, fit: Fit) -> list[Fit]:
-    """The local optima of an explanation and of those a step away: one effect more, or one or two exchanged.
+    """The local optima of an explanation and of those one step from it: one effect added, or one or two exchanged.
 
-    Of each kind of step the most probable ones; none beyond the budget.
+    Of additions and of exchanges, the `JUDGED` most probable ones. None at all where the budget is used up or the
+    explanation is not admissible.
     """
-    problem, store, axis = search.problem, search.store, search.problem.robot.axis is not None
+    problem, store, is_axis = search.problem, search.store, search.problem.robot.axis is not None
     if search.limits.attribution_over_budget() or not store.admissible(fit):
         return []
     problem.follow_angles(True)
     screens = screenings(search, fit)
     found = [fit, *most_probable(store, additions(search, fit, screens(fit)), JUDGED)]
     if not search.limits.attribution_over_budget():
-        exchanged = []
-        for cause, alone in zip(fit.hypothesis, removing.without(store, fit, *fit.hypothesis)):
-            exchanged += renaming.sides(store, fit, cause)
-            rivals = exchanging.rivals(store, screens(alone), cause, EXCHANGED[axis])
-            exchanged += [alone.proposal({one.cause: one.start}) for one in rivals]
-        for two in itertools.combinations(fit.hypothesis, 2):
-            (alone,) = store.try_fits([fit.proposal({}, without=two)], rough=True)
-            for screen in screens(alone):
-                exchanged += exchanging.pairs_for(store, screen, alone, two)[:PAIRS]
-        found += most_probable(store, exchanged, JUDGED)
+        exchanges = []
+        for cause, reduced in zip(fit.hypothesis, removing.without(store, fit, *fit.hypothesis)):
+            exchanges += renaming.sides(store, fit, cause)
+            rivals = exchanging.rivals(store, screens(reduced), cause, EXCHANGED[is_axis])
+            exchanges += [reduced.proposal({rival.cause: rival.start}) for rival in rivals]
+        for pair in itertools.combinations(fit.hypothesis, 2):
+            (reduced,) = store.try_fits([fit.proposal({}, without=pair)], rough=True)
+            for screen in screens(reduced):
+                exchanges += exchanging.pairs_for(store, screen, reduced, pair)[:PAIRS]
+        found += most_probable(store, exchanges, JUDGED)
     problem.follow_angles(False)
     return [optimum for optima in store.local_optima(found) for optimum in optima]
