@@ -10,7 +10,7 @@ import rtds_host.diagnosis.search
 ROOT = Path(rtds_host.diagnosis.search.__file__).parent
 PACKAGE = "rtds_host.diagnosis.search"
 # Each layer may import from itself and from those before it.
-LAYERS = ["store", "screening", "moves", "driver", "beam"]
+LAYERS = ["store", "screening", "moves", "driver", "beam", "stepwise"]
 MODULES = sorted(p for p in ROOT.rglob("*.py") if p.name != "__init__.py")
 
 

@@ -45,7 +45,8 @@ def _plain(values: np.ndarray) -> list[float | None]:
     """To so many digits of the line's largest: what a plot can show, also zoomed in."""
     finite = np.isfinite(values)
     largest = np.abs(values[finite]).max(initial=1e-300)
-    rounded = np.round(values, DIGITS - 1 - math.floor(math.log10(largest)) if largest > 1e-300 else 0)
+    # A zero has no sign: that of what is rounded away may depend on the number of threads.
+    rounded = np.round(values, DIGITS - 1 - math.floor(math.log10(largest)) if largest > 1e-300 else 0) + 0.0
     return [v if ok else None for v, ok in zip(rounded.tolist(), finite.tolist(), strict=True)]
 
 
