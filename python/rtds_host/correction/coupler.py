@@ -158,13 +158,13 @@ class Coupler:
             out[k] = min(max(out[k], -unit.limit_v), unit.limit_v)
         return out
 
-    def _schedule(self, pieces: list[Piece], turned: list[np.ndarray]) -> np.ndarray:
+    def _schedule(self, pieces: list[Piece], by_history: list[np.ndarray]) -> np.ndarray:
         """Voltages (n, 2) at the motors for each step of the layer: those asked for, late by the command's delay.
 
-        turned : (2,) V that each piece adds by its history.
+        by_history : (2,) V that each piece adds by its history.
         """
         start = now = self.now
-        for (volts, seconds), more in zip(pieces, turned, strict=True):
+        for (volts, seconds), more in zip(pieces, by_history, strict=True):
             self._past.append((now, np.array(volts, dtype=float), self._bridge(volts) + more))
             now += seconds
         count = round((now - start) / LAYER_S)
@@ -194,14 +194,14 @@ class Coupler:
         total_s = sum(seconds for _, seconds in pieces)
         steps = round(total_s / STEP_S)
         start_s = self.now
-        turned = [self.formed.turned(asked) for asked, _ in pieces]
-        volts = self._schedule(pieces, turned)
+        by_history = [self.formed.history_volts(asked) for asked, _ in pieces]
+        volts = self._schedule(pieces, by_history)
         acting = self._acting(start_s, total_s, volts)
         if self.formed.any:
             volts = volts + acting.volts
             pieces = [
                 (self.formed.sent(asked, acting.volts + more), seconds)
-                for (asked, seconds), more in zip(pieces, turned, strict=True)
+                for (asked, seconds), more in zip(pieces, by_history, strict=True)
             ]
         self.acting = acting
         scrub, outside = self.scrub + acting.scrub, self.external + acting.against
@@ -245,7 +245,7 @@ class Coupler:
             self.shortfall = np.where(self.known == layer.DRIVEN, behind, happened - predicted)
         self.load = happened
         if self.formed.any:
-            self.formed.carry(happened, total_s)
+            self.formed.follow_loads(happened, total_s)
         return motion
 
     def _acting(self, start_s: float, seconds: float, volts: np.ndarray) -> Acting:

@@ -59,8 +59,8 @@ class Formed:
         # A voltage acts when its command does, all else now. One over the command's history is known as it is asked.
         volts = rows[:, :, forms.TERM] == _CODE["voltage"]
         turns = rows[:, :, forms.OVER] == forms.OVER_CODE["command_history"]
-        self.turning, self.late, self.prompt = rows.copy(), rows.copy(), rows.copy()
-        self.turning[~(volts & turns)] = 0.0
+        self.by_history, self.late, self.prompt = rows.copy(), rows.copy(), rows.copy()
+        self.by_history[~(volts & turns)] = 0.0
         self.late[~volts | turns] = 0.0
         self.prompt[volts] = 0.0
         # What a side remembers of commands as they are asked, and of those in force.
@@ -106,8 +106,8 @@ class Formed:
         for k in (0, 1):
             forms.follow(self.prompt[k], asked[k], self.past[k])
             about[_ABOUT["v_cmd"]], about[_ABOUT["i"]] = asked[k], mean[k]
-            about[_ABOUT["command_history"]] = self.past[k, forms.WAY] * abs(asked[k])
-            about[_ABOUT["load"]] = self.past[k, forms.CARRIED]
+            about[_ABOUT["command_history"]] = self.past[k, forms.DIRECTION] * abs(asked[k])
+            about[_ABOUT["load"]] = self.past[k, forms.GEAR_LOAD]
             about[_ABOUT["w"]] = state[k, layer.ROTOR]
             angle = self.angles[k] + 0.5 * seconds * state[k, layer.WHEEL]
             about[_ABOUT["th"]], about[_ABOUT["motor_angle"]] = angle, self.gear * angle
@@ -121,29 +121,31 @@ class Formed:
             about[_ABOUT["t"]] += self.delay_s
             forms.act(self.late[k], about, late)
             acts[k, forms.VOLTS] = late[forms.VOLTS] + emf[k]
-            drive[k] += acts[k, forms.DRIVE] - _rubs(acts[k], rotor[k, layer.INERTIA], state[k, layer.ROTOR], seconds)
+            drive[k] += acts[k, forms.DRIVE] - _friction_torque(
+                acts[k], rotor[k, layer.INERTIA], state[k, layer.ROTOR], seconds
+            )
         push, turn = acts[0, forms.PUSH], acts[0, forms.TURN]
         against = -(0.5 * self.radius * push + self.lever * turn)
         return Acting(drive, acts[:, forms.VOLTS], against, float(acts[0, forms.SCRUB]))
 
-    def turned(self, asked: np.ndarray) -> np.ndarray:
+    def history_volts(self, asked: np.ndarray) -> np.ndarray:
         """What a command that is asked for adds by its history, (2,) V at the nominal bus; asked : (2,) V, clipped."""
         more = np.zeros(2)
         if not self.any:
             return more
         about, acts = np.zeros(forms.ABOUT), np.zeros(forms.ACTS)
         for k in (0, 1):
-            forms.follow(self.turning[k], asked[k], self.asked[k])
+            forms.follow(self.by_history[k], asked[k], self.asked[k])
             about[_ABOUT["v_cmd"]] = asked[k]
-            about[_ABOUT["command_history"]] = self.asked[k, forms.WAY] * abs(asked[k])
-            forms.act(self.turning[k], about, acts)
+            about[_ABOUT["command_history"]] = self.asked[k, forms.DIRECTION] * abs(asked[k])
+            forms.act(self.by_history[k], about, acts)
             more[k] = acts[forms.VOLTS]
         return more
 
-    def carry(self, delivered: np.ndarray, seconds: float) -> None:
+    def follow_loads(self, delivered: np.ndarray, seconds: float) -> None:
         """Follow the loads: delivered : (2,) N·m, what the gears delivered over the exchange before."""
         for k in (0, 1):
-            self.past[k, forms.CARRIED] = forms.carried(self.past[k, forms.CARRIED], delivered[k], seconds)
+            self.past[k, forms.GEAR_LOAD] = forms.filtered_load(self.past[k, forms.GEAR_LOAD], delivered[k], seconds)
 
     def sent(self, volts: np.ndarray, more: np.ndarray) -> np.ndarray:
         """Commands (2,) V whose bridge voltages exceed those of `volts` by `more`, V at the nominal bus."""
@@ -159,7 +161,7 @@ class Formed:
         self.angles = self.angles + (0.5 * width * (speeds[1:] + speeds[:-1])).sum(axis=0)
 
 
-def _rubs(acts: np.ndarray, inertia: float, speed: float, seconds: float) -> float:
+def _friction_torque(acts: np.ndarray, inertia: float, speed: float, seconds: float) -> float:
     """Torque, N·m, by which dry friction over the load acts against a rotor's speed, rad/s, over an exchange.
 
     It has no table of a unit, which could hold the wheel: it is at most what would stop the rotor alone.

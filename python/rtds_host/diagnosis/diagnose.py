@@ -171,9 +171,9 @@ def chosen_search(case: Case, search: Search, best: Fit, threads: int, without: 
     for other in searches[1:]:
         other.begin()
     selection = Selection.of_beams(searches, best)
-    owner, taken = selection.choice()
-    fit = taken.fit
-    start = owner.problem.aligned_commands(fit.model(owner.problem)) if case.robot.axis is None else fit.start
+    found_by, selected = selection.choice()
+    fit = selected.fit
+    start = found_by.problem.aligned_commands(fit.model(found_by.problem)) if case.robot.axis is None else fit.start
     if start != fit.start:
         # The link of one run was later than that of the others, which hides what else is missing: once more without.
         kept = [(one.store.fits, one.store.fitter.start) for one in searches]
@@ -183,7 +183,7 @@ def chosen_search(case: Case, search: Search, best: Fit, threads: int, without: 
             one.begin()
         again = search.store.try_fit(fit.hypothesis, fit.u, search.store.fits[()])
         aligned = Selection.of_beams(searches, again)
-        if aligned.choice()[1].gap < taken.gap:
+        if aligned.choice()[1].gap < selected.gap:
             selection = aligned
         else:
             for one, (fits, began) in zip(searches, kept, strict=True):

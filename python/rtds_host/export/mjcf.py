@@ -320,7 +320,7 @@ def forms_source() -> str:
 
 # What `Forms` uses.
 LAWS_OF_FORMS = (
-    *(forms.curve, forms.branch, forms.act, forms.back_emf, forms.follow, forms.carried),
+    *(forms.curve, forms.branch, forms.act, forms.back_emf, forms.follow, forms.filtered_load),
     *(forms.reads, forms.turns_read),
 )
 

@@ -18,11 +18,12 @@ from rtds_host.plant.forms import (
     ABOUT,
     ACTS,
     BACKWARD,
-    CARRIED,
     CONSTANT,
+    DIRECTION,
     DRIVE,
     FLUID,
     FORWARD,
+    GEAR_LOAD,
     MOST_FORMS,
     OVER_CODE,
     PAST,
@@ -32,10 +33,9 @@ from rtds_host.plant.forms import (
     TURN,
     VALUES,
     VOLTS,
-    WAY,
     act,
     back_emf,
-    carried,
+    filtered_load,
     follow,
     reads,
     turns_read,
@@ -101,8 +101,8 @@ class Forms:
             past = self.past[k]
             follow(self.rows[k], asked[k], past)
             if self.loaded:
-                past[CARRIED] = carried(past[CARRIED], self._delivered(data, k), self.model.opt.timestep)
-            about[:6] = asked[k], past[WAY] * abs(asked[k]), current, turns, past[CARRIED], rate
+                past[GEAR_LOAD] = filtered_load(past[GEAR_LOAD], self._delivered(data, k), self.model.opt.timestep)
+            about[:6] = asked[k], past[DIRECTION] * abs(asked[k]), current, turns, past[GEAR_LOAD], rate
             about[6:9], about[14] = (angle, self.ratio * angle, speed * rate), current
             act(self.rows[k], about, self.acts[k])
             self.acts[k][VOLTS] += back_emf(self.acts[k], self.emf[k], turns)

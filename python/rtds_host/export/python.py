@@ -41,7 +41,7 @@ FORM_CONSTANTS = (
     ),
     *("_TORQUE", "_VOLTAGE", "_CONSTANT", "_FORCE", "_YAW", "_GYRO"),
     *("_V", "_HISTORY", "_I", "_W", "_LOAD", "_RATE", "_HEADING", "_TIME"),
-    *("EXTREME", "WAY", "CARRIED", "PAST", "TURNS_BY", "LOAD_S"),
+    *("EXTREME", "DIRECTION", "GEAR_LOAD", "PAST", "TURNS_BY", "LOAD_S"),
     *("DRIVE", "FORWARD", "BACKWARD", "FLUID"),
     *("VOLTS", "CONSTANT", "PUSH", "TURN", "SCRUB", "ACTS", "ABOUT", "MEAN_I"),
 )

@@ -21,11 +21,12 @@ from rtds_host.plant.forms import (
     ABOUT,
     ACTS,
     BACKWARD,
-    CARRIED,
     CONSTANT,
+    DIRECTION,
     DRIVE,
     FLUID,
     FORWARD,
+    GEAR_LOAD,
     OVER_CODE,
     PAST,
     PUSH,
@@ -33,9 +34,8 @@ from rtds_host.plant.forms import (
     TERM_CODE,
     TURN,
     VOLTS,
-    WAY,
     act,
-    carried,
+    filtered_load,
     follow,
     reads,
     turns_read,
@@ -203,7 +203,7 @@ class Robot:
             current, self.made[k] = settled(self.forms[k], ohm, self.i[k], self.made[k])
             past = self.past[k]
             follow(self.forms[k], asked[k], past)
-            about[:6] = asked[k], past[WAY] * abs(asked[k]), current, self.w[k], past[CARRIED], rate
+            about[:6] = asked[k], past[DIRECTION] * abs(asked[k]), current, self.w[k], past[GEAR_LOAD], rate
             about[6:9] = angle, self.p["gear_ratio"] * angle, speed * rate
             about[9:] = speed, self.t, self.x, self.y, self.yaw, current
             act(self.forms[k], about, self.acts[k])
@@ -256,7 +256,7 @@ class Robot:
             self.load[k] = max(abs(torque), abs(torque + impulses[k] / h))
             if self.forms:
                 delivered = torque + extra[k] + impulses[k] / h
-                self.past[k][CARRIED] = carried(self.past[k][CARRIED], delivered, h)
+                self.past[k][GEAR_LOAD] = filtered_load(self.past[k][GEAR_LOAD], delivered, h)
             tau = p["speed_filter_s"][k]
             if tau > 0.0:
                 self.filtered[k] = low_pass(self.filtered[k], new[k], w[k], h, tau, math.exp(-h / tau))

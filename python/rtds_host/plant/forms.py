@@ -83,7 +83,7 @@ ABOUT = len(OVERS) + 1
 MEAN_I = len(OVERS)
 # What a side's forms remember: the command's last extreme, V; 1 while its size grows, -1 once it has fallen back, 0
 # before the first command; and the load, N·m.
-EXTREME, WAY, CARRIED = range(3)
+EXTREME, DIRECTION, GEAR_LOAD = range(3)
 PAST = 3
 # Share of a curve's range by which a command has to come back from an extreme to count as turned: the dither of a
 # controller is no turn.
@@ -227,23 +227,23 @@ def follow(rows, volts, past):
     if slack < 0.0:
         return
     size, extreme = abs(volts), abs(past[EXTREME])
-    if volts * past[EXTREME] < 0.0 or past[WAY] == 0.0:
+    if volts * past[EXTREME] < 0.0 or past[DIRECTION] == 0.0:
         past[EXTREME] = volts
-        past[WAY] = 1.0 if size > 0.0 else past[WAY]
-    elif past[WAY] > 0.0:
+        past[DIRECTION] = 1.0 if size > 0.0 else past[DIRECTION]
+    elif past[DIRECTION] > 0.0:
         if size < extreme - slack:
-            past[WAY] = -1.0
-        if size > extreme or past[WAY] < 0.0:
+            past[DIRECTION] = -1.0
+        if size > extreme or past[DIRECTION] < 0.0:
             past[EXTREME] = volts
     else:
         if size > extreme + slack:
-            past[WAY] = 1.0
-        if size < extreme or past[WAY] > 0.0:
+            past[DIRECTION] = 1.0
+        if size < extreme or past[DIRECTION] > 0.0:
             past[EXTREME] = volts
 
 
 @loop
-def carried(load, torque, h):
+def filtered_load(load, torque, h):
     """The load of a gear after h s in which it delivered `torque`, N·m; load : N·m before."""
     return load + (torque - load) * (1.0 - math.exp(-h / LOAD_S))
 

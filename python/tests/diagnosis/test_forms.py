@@ -104,8 +104,8 @@ def test_a_torque_over_the_load_loses_as_friction_that_grows_with_the_load():
 def test_a_gears_load_follows_its_torque_alike_in_steps_of_any_length():
     load = 0.0
     for _ in range(40):
-        load = plant.carried(load, 0.3, 5e-4)
-    assert load == pytest.approx(plant.carried(0.0, 0.3, 0.02)) == pytest.approx(0.3 * (1.0 - np.exp(-2.0)))
+        load = plant.filtered_load(load, 0.3, 5e-4)
+    assert load == pytest.approx(plant.filtered_load(0.0, 0.3, 0.02)) == pytest.approx(0.3 * (1.0 - np.exp(-2.0)))
 
 
 def ways(volts, high=10.0):
@@ -115,7 +115,7 @@ def ways(volts, high=10.0):
     for volt in volts:
         plant.follow(rows, volt, past)
         plant.follow(rows, volt, past)
-        found.append(int(past[plant.WAY]))
+        found.append(int(past[plant.DIRECTION]))
     return found
 
 

@@ -157,7 +157,7 @@ def _next(
     ]
     if not ended:
         return None
-    candidate, best = _plainest(ended)
+    candidate, best = _smallest_residual(ended)
     if pooled(best, now) <= GAINS:
         reach = max(form.high for form in forms if form.over == candidate.form.over)
         candidate, best = with_ends(problem, partial(_side_by_side, problem, known, best.fit), candidate, best, reach)
@@ -197,7 +197,7 @@ def rivals(
     ]
 
 
-def _plainest(ended: Sequence[tuple[FormCandidate, HeldOutScore]]) -> tuple[FormCandidate, HeldOutScore]:
+def _smallest_residual(ended: Sequence[tuple[FormCandidate, HeldOutScore]]) -> tuple[FormCandidate, HeldOutScore]:
     """The form that leaves least of runs left out. The command's history has to leave clearly less than the command
     alone, which is half of what its curve can hold."""
     candidate, best = min(ended, key=lambda pair: pair[1].gap)

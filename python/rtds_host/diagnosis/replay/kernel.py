@@ -349,8 +349,8 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                 about[OVER_T], about[OVER_X], about[OVER_Y], about[OVER_YAW] = elapsed, x, y, yaw
                 for k in range(sides):
                     about[OVER_V], about[OVER_I], about[OVER_W] = va[k], cur[k], wm[k]
-                    about[OVER_HISTORY] = past[k, forms.WAY] * abs(va[k])
-                    about[OVER_LOAD] = past[k, forms.CARRIED]
+                    about[OVER_HISTORY] = past[k, forms.DIRECTION] * abs(va[k])
+                    about[OVER_LOAD] = past[k, forms.GEAR_LOAD]
                     at = th[k] + 0.5 * h * w[k]
                     if angle.shape[0] > 0 and kc > 0:
                         at = _followed(angle, t_cmd, kc, k, now + done - 0.5 * h - dc) / side[k, W_GAIN]
@@ -601,7 +601,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                         play[k] += h * (wm[k] - w[k])
                 if curves is not None:
                     delivered = load_j * (w[k] - wn[k]) / h + side[k, RADIUS] * force[k] - weight
-                    past[k, forms.CARRIED] = forms.carried(past[k, forms.CARRIED], delivered, h)
+                    past[k, forms.GEAR_LOAD] = forms.filtered_load(past[k, forms.GEAR_LOAD], delivered, h)
                 tau = side[k, W_TAU]
                 if tau > 0.0:
                     wf[k] = sensors.low_pass(wf[k], seen[k], seen_n[k], h, tau, math.exp(-h / tau))

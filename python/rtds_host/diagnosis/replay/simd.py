@@ -151,7 +151,7 @@ def _carried(s, curved, redone, past):
         for k in range(2):
             o = k * _SIDE + l
             delivered = s[LOAD_J + l] * (s[o + W] - s[o + WN]) / s[H + l] + s[o + RADIUS] * s[o + FORCE]
-            past[l, k, forms.CARRIED] = forms.carried(past[l, k, forms.CARRIED], delivered, s[H + l])
+            past[l, k, forms.GEAR_LOAD] = forms.filtered_load(past[l, k, forms.GEAR_LOAD], delivered, s[H + l])
 
 
 @loop
@@ -169,8 +169,8 @@ def _formed(s, job, curved, which, sides, coms, curves, shaped, about, acts, pas
         for k in range(2):
             o = k * _SIDE + l
             about[one.OVER_V], about[one.OVER_I], about[one.OVER_W] = s[o + VA], s[o + CUR], s[o + WM]
-            about[one.OVER_HISTORY] = past[l, k, forms.WAY] * abs(s[o + VA])
-            about[one.OVER_LOAD] = past[l, k, forms.CARRIED]
+            about[one.OVER_HISTORY] = past[l, k, forms.DIRECTION] * abs(s[o + VA])
+            about[one.OVER_LOAD] = past[l, k, forms.GEAR_LOAD]
             at = s[o + TH] + half * s[o + W]
             if s[FOLLOWS + l] > 0.0:
                 share = (s[NOW + l] + s[DONE + l] - half - s[SINCE + l]) * s[PER_SPAN + l]

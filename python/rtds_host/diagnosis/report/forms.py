@@ -49,7 +49,7 @@ def _history(volts: np.ndarray, most: float) -> np.ndarray:
     for k, volt in enumerate(np.clip(volts, -most, most)):
         if np.isfinite(volt):
             plant.follow(rows, volt, past)
-        found[k] = past[plant.WAY] * abs(volt)
+        found[k] = past[plant.DIRECTION] * abs(volt)
     return found
 
 

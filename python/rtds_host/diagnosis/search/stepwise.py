@@ -20,8 +20,8 @@ from rtds_host.diagnosis.search.driver import Search
 from rtds_host.diagnosis.search.moves import exchanging, removing, renaming
 
 # Numerical: most steps; explanations by additions, and by exchanges, that held-out runs judge at each step; effects of
-# each screening that are tried in exchange for one, of an axis (True) and of a robot (False); pairs for two.
-STEPS, JUDGED, EXCHANGED, PAIRS = 3, 6, {True: 4, False: 2}, 3
+# each screening that are tried in exchange for one, of an axis (True) and of a robot (False).
+STEPS, JUDGED, EXCHANGED = 3, 6, {True: 4, False: 2}
 
 
 class Selection:
@@ -29,7 +29,7 @@ class Selection:
 
     def __init__(self, searches: Sequence[Search]):
         self.searches = searches
-        self._judged: list[tuple[HeldOutScore, Search]] = []
+        self._judged: dict[Fit, tuple[HeldOutScore, Search]] = {}
 
     @classmethod
     def of_beams(cls, searches: Sequence[Search], best: Fit) -> Selection:
@@ -38,20 +38,22 @@ class Selection:
         selection.judge(searches[0], [best])
         for search in searches:
             for fits in widened(search).values():
-                selection.judge(search, [fit for fit in fits if fit is not best])
+                selection.judge(search, fits)
         return selection
 
     def judge(self, search: Search, fits: Sequence[Fit]) -> None:
-        """Score explanations of a search on held-out runs and add them."""
-        self._judged += [(HeldOutScore.of(search.problem, fit), search) for fit in fits]
+        """Score explanations of a search on held-out runs and add them; those that are here are not scored again."""
+        for fit in fits:
+            if fit not in self._judged:
+                self._judged[fit] = HeldOutScore.of(search.problem, fit), search
 
     def choice(self) -> tuple[Search, HeldOutScore]:
         """The score of the explanation that held-out runs choose, and the search that found it."""
         by_count: dict[int, list[HeldOutScore]] = {}
-        for score, _ in self._judged:
-            by_count.setdefault(len(score.fit.hypothesis), []).append(score)
+        for fit, (score, _) in self._judged.items():
+            by_count.setdefault(len(fit.hypothesis), []).append(score)
         selected = chosen(by_count, self.searches[0].store.prior)
-        return next(search for score, search in self._judged if score is selected), selected
+        return self._judged[selected.fit][1], selected
 
     def stepwise(self) -> tuple[Search, Fit]:
         """The explanation that held-out runs choose after further steps, and the search that found it."""
@@ -100,7 +102,7 @@ def neighbours(search: Search, fit: Fit) -> list[Fit]:
         for pair in itertools.combinations(fit.hypothesis, 2):
             (reduced,) = store.try_fits([fit.proposal({}, without=pair)], rough=True)
             for screen in screens(reduced):
-                exchanges += exchanging.pairs_for(store, screen, reduced, pair)[:PAIRS]
+                exchanges += exchanging.pairs_for(store, screen, reduced, pair)[: exchanging.PAIRS]
         found += most_probable(store, exchanges, JUDGED)
     problem.follow_angles(False)
     return [optimum for optima in store.local_optima(found) for optimum in optima]

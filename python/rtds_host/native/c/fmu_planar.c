@@ -25,7 +25,7 @@ enum { NO_TERM, TORQUE, VOLTAGE, TORQUE_CONSTANT, FORCE, YAW_TORQUE, CURRENT_SEN
 enum { OVER_NOTHING, OVER_V, OVER_HISTORY, OVER_I, OVER_W, OVER_LOAD, OVER_RATE, OVER_TH, OVER_MOTOR, OVER_TURNS,
        OVER_SPEED, OVER_T, OVER_X, OVER_Y, OVER_YAW, QUANTITIES };
 /* What a side remembers: its command's last extreme, whether its size grows, and the load of its gear. */
-enum { EXTREME, WAY, CARRIED, PAST };
+enum { EXTREME, DIRECTION, GEAR_LOAD, PAST };
 #define TURNS_BY 0.01
 #define LOAD_S 0.01
 enum { DRIVE, FORWARD, BACKWARD, FLUID, VOLTS, CONSTANT, PUSH, TURN, SCRUB, ACTS };
@@ -163,15 +163,15 @@ static void follow(fmu_model *m, int k, double volts) {
   }
   if (slack < 0.0) return;
   const double size = fabs(volts), extreme = fabs(past[EXTREME]);
-  if (volts * past[EXTREME] < 0.0 || past[WAY] == 0.0) {
+  if (volts * past[EXTREME] < 0.0 || past[DIRECTION] == 0.0) {
     past[EXTREME] = volts;
-    if (size > 0.0) past[WAY] = 1.0;
-  } else if (past[WAY] > 0.0) {
-    if (size < extreme - slack) past[WAY] = -1.0;
-    if (size > extreme || past[WAY] < 0.0) past[EXTREME] = volts;
+    if (size > 0.0) past[DIRECTION] = 1.0;
+  } else if (past[DIRECTION] > 0.0) {
+    if (size < extreme - slack) past[DIRECTION] = -1.0;
+    if (size > extreme || past[DIRECTION] < 0.0) past[EXTREME] = volts;
   } else {
-    if (size > extreme + slack) past[WAY] = 1.0;
-    if (size < extreme || past[WAY] > 0.0) past[EXTREME] = volts;
+    if (size > extreme + slack) past[DIRECTION] = 1.0;
+    if (size < extreme || past[DIRECTION] > 0.0) past[EXTREME] = volts;
   }
 }
 
@@ -445,7 +445,7 @@ static void settle(fmu_model *m, int k, double h, double now, double volts, doub
   m->load[k] = fmax(fabs(torque), fabs(torque + impulse / h));
   if (m->formed) {
     const double delivered = torque + extra + impulse / h;
-    m->past[k][CARRIED] += (delivered - m->past[k][CARRIED]) * (1.0 - exp(-h / LOAD_S));
+    m->past[k][GEAR_LOAD] += (delivered - m->past[k][GEAR_LOAD]) * (1.0 - exp(-h / LOAD_S));
   }
   if (tau > 0.0) {
     const double ramp = (now - w) / h;
@@ -467,10 +467,10 @@ static void advance(fmu_model *m, double h) {
       follow(m, k, volts_now);
       const double x[QUANTITIES] = {0.0,
                                     volts_now,
-                                    m->past[k][WAY] * fabs(volts_now),
+                                    m->past[k][DIRECTION] * fabs(volts_now),
                                     settled(m, k),
                                     w[k],
-                                    m->past[k][CARRIED],
+                                    m->past[k][GEAR_LOAD],
                                     turns,
                                     angle,
                                     m->gear_ratio * angle,
