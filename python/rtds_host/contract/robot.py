@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from importlib import resources
 from pathlib import Path
 
@@ -142,7 +142,8 @@ class Robot:
     servo: Servo | None
     sensors: dict[str, float] = field(default_factory=dict)
     notices: tuple[str, ...] = field(default=(), compare=False)
-    measured_noise: dict[str, float] = field(default_factory=dict, compare=False)
+    rounded_noise: dict[str, float] = field(default_factory=dict, compare=False)
+    noise_ratio: float = field(default=1.0, compare=False)
     encoder: str | None = None
     tolerance: dict[str, float] = field(default_factory=dict)
 
@@ -174,9 +175,16 @@ class Robot:
     def noise(self, channel: str) -> float | None:
         """One standard deviation of white noise on a sample of `channel`, or None where it is not declared.
 
-        With what rounding adds to it, where a log was looked at for that (`measured_noise`, by channel).
+        Where a log was looked at, with what rounding adds to it (`rounded_noise`, by channel), and times the noise that
+        its samples show over that (`noise_ratio`).
         """
-        return self.measured_noise.get(channel, self.sensors.get(NOISE_KEYS.get(channel, "")))
+        noise = self.rounded_noise.get(channel, self.sensors.get(NOISE_KEYS.get(channel, "")))
+        return None if noise is None else self.noise_ratio * noise
+
+    @property
+    def as_declared(self) -> Robot:
+        """The same robot with the noise that is declared, and what rounding adds to it: the unit of a gap."""
+        return replace(self, noise_ratio=1.0)
 
     def known_noise(self, channel: str) -> float:
         """`noise` of a channel that has one, in its unit.

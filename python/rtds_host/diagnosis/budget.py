@@ -53,7 +53,7 @@ def explained(problem: Problem, fit: Fit) -> dict[Hashable, float]:
         chosen = tuple(h for h in fit.hypothesis if h in members)
         model = apply(fit.effects, problem.with_nuisances(z, fit.start), chosen, [values[h] for h in chosen])
         # A coalition that lets the replay run away is worth no more than the worst that a sensor could show.
-        return -(min(problem.gap(model), 1e6) ** 2)
+        return -(min(problem.declared_gap(model), 1e6) ** 2)
 
     return shapley([*fit.hypothesis, TOLERANCE], worth)
 

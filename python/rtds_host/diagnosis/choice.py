@@ -2,13 +2,13 @@
 
 One criterion, wherever a gap remains: on held-out runs each effect must reduce the residual to at most
 `MAX_RESIDUAL_RATIO` of what it is without the effect (contract, section 5). An effect that does not is not included,
-however large its likelihood. The residual is G^2 - f, the squared gap minus that of noise; f is 1 where the noise is as
-declared. It is computed over all channels at once, and as the geometric mean over channels. So a channel with a large
-residual does not hide an effect that only a channel with a small one shows.
+however large its likelihood. The residual is G^2 - 1, the squared gap minus that of noise. It is computed over all
+channels at once, and as the geometric mean over channels. So a channel with a large residual does not hide an effect
+that only a channel with a small one shows.
 
-f is estimated from the samples (`sample_noise`), so that the choice does not depend on the noise that a file declares.
-If that were three times too small, white noise would count as unexplained, and each effect would seem to reduce the
-residual by a smaller share.
+The unit of the gap is here the noise that samples show (`gate.sample_noise`), so that the choice does not depend on the
+noise that a file declares. If that were three times too small, white noise would count as unexplained, and each effect
+would seem to reduce the residual by a smaller share.
 
 For an axis there are two prediction horizons: whole runs, and pieces that start from the measured state. Its residual
 is the geometric mean over both. Over a whole run slow effects accumulate. But where the motion is unstable, as that of
@@ -34,7 +34,7 @@ MAX_RESIDUAL_RATIO = 0.75
 # Explanations are equivalent if the ratio of their gaps on held-out runs is at most this. A gap that is at most as many
 # times that of noise counts as none.
 EQUIVALENT_GAP_RATIO = gaps.LEAST
-# The squared gap beyond that of noise, over that of noise, that still counts as no gap (contract, section 4).
+# The squared gap beyond that of noise that still counts as no gap (contract, section 4).
 NO_GAP = gaps.LEAST**2 - 1.0
 
 
@@ -59,27 +59,23 @@ class HeldOutScore:
     @cached_property
     def residual_power(self) -> float:
         """The residual: the squared gap beyond that of noise, over all channels; geometric mean over the horizons."""
-        return _mean([self._beyond_noise(gaps.pooled(parts)) for parts in self.horizons])
+        return _mean([_beyond_noise(gaps.pooled(parts)) for parts in self.horizons])
 
     @cached_property
     def residual_power_by_channel(self) -> Mapping[tuple[int, str], float]:
         """The same for each channel alone: (horizon, channel) -> residual."""
         pooled = [(horizon, gaps.pooled(parts)) for horizon, parts in enumerate(self.horizons)]
-        return {(horizon, c): self._beyond_noise({c: gap}) for horizon, found in pooled for c, gap in found.items()}
+        return {(horizon, c): _beyond_noise({c: gap}) for horizon, found in pooled for c, gap in found.items()}
 
     @property
     def gap(self) -> float:
         """The gap over whole runs that gives this residual: the root of it plus the squared gap of noise."""
-        return math.sqrt(self._noise(gaps.pooled(self.horizons[0])) + self.residual_power)
+        return math.sqrt(1.0 + self.residual_power)
 
-    def _beyond_noise(self, gap_of: dict[str, float]) -> float:
-        """The squared gap of some channels beyond that of noise; at least what counts as no gap."""
-        noise = self._noise(gap_of)
-        return max(gaps.gap(gap_of) ** 2 - noise, NO_GAP * noise)
 
-    def _noise(self, channels: Collection[str]) -> float:
-        """The squared gap that the sensors' noise alone makes in some channels, 1 where it is as declared."""
-        return sum(self.problem.sample_noise.get(channel, 1.0) ** 2 for channel in channels) / len(channels)
+def _beyond_noise(gap_of: dict[str, float]) -> float:
+    """The squared gap of some channels beyond that of noise, 1; at least what counts as no gap."""
+    return max(gaps.gap(gap_of) ** 2 - 1.0, NO_GAP)
 
 
 def _mean(values: Collection[float]) -> float:

@@ -92,12 +92,12 @@ def effort_of(case: Case, quick: bool, say: Callable[[str, float], None]) -> Eff
 
 
 def taken(case: Case, gate: Gate) -> Case:
-    """The case as the gate leaves it: without what is certainly no measurement, with its noise as it is
-    measured and with gains of a servo that the file leaves out.
+    """The case as the gate leaves it: without what is certainly no measurement, with its noise as its samples show
+    it and with gains of a servo that the file leaves out.
     """
     noise = {channel: sigma for channel, sigma in gate.noise.items() if case.robot.noise(channel) is not None}
     seen = gate.case or case
-    return replace(seen, robot=replace(seen.robot, measured_noise=noise))
+    return replace(seen, robot=replace(seen.robot, rounded_noise=noise, noise_ratio=gate.noise_ratio))
 
 
 @dataclass
@@ -111,7 +111,7 @@ class Investigation:
     @property
     def gap(self) -> float:
         """The gap that the attribution leaves, of whole runs."""
-        return self.problem.gap(self.attribution.fit.model(self.problem))
+        return self.problem.declared_gap(self.attribution.fit.model(self.problem))
 
 
 def investigate(
@@ -231,9 +231,10 @@ def conclude(
         problem, attribution.fit, timing.stamps_s, timing.step_s, _missing(found.search.store, attribution.fit)
     )
     scatter = scattered(problem, attribution.fit) if attribution.included else {}
-    localisation = localise(problem.looked_at, attribution.base.model(problem))
+    looked_at = replace(problem.looked_at, robot=problem.declared)
+    localisation = localise(looked_at, attribution.base.model(problem))
     after = (
-        localise(problem.looked_at, attribution.fit.model(problem), held=True) if attribution.included else localisation
+        localise(looked_at, attribution.fit.model(problem), held=True) if attribution.included else localisation
     )
     rows = [] if verdict == "none" else budget.shares(problem, attribution.fit, total["after"], after)
     located = budget.located(problem, rows)
@@ -294,7 +295,7 @@ def _details(
     """What the report shows beyond the diagnosis; `lies`: where the gap lies before and after the effects."""
     problem = found.problem
     return Details(
-        case=problem.case,
+        case=replace(problem.case, robot=problem.declared),
         gate=gate,
         localisation=lies[0],
         localisation_after=lies[1],
@@ -378,9 +379,12 @@ def _louder(problem: Problem, fit: Fit) -> list[str]:
     found = []
     for k in np.unique(problem.channels_of):
         mine = problem.channels_of == k
-        name, times = CHANNELS[k], float(np.sqrt(np.mean(fit.residual[mine] ** 2)))
+        name = CHANNELS[k]
         # Of angles and poses displacements are compared, which have other samples than the log.
-        if not name.startswith(("v_bus", "i_", "w_", "gyro_z")) or times < gaps.LEAST:
+        if not name.startswith(("v_bus", "i_", "w_", "gyro_z")):
+            continue
+        times = float(np.sqrt(np.mean(fit.residual[mine] ** 2))) * problem.robot.noise_ratio
+        if times < gaps.LEAST:
             continue
         if not correlated(fit.residual[mine], problem.channels_of[mine], SIGNIFICANT):
             found.append(

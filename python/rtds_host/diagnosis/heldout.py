@@ -47,7 +47,7 @@ class HeldOut:
 
 def held_out(problem: Problem, attribution: Attribution) -> HeldOut:
     """Gaps of the nominal robot, the refitted one, and the one with the effects that stand, on runs left out."""
-    robot = problem.robot
+    robot = problem.declared
     models: dict[str | tuple[str, str], Fit] = {"refit": attribution.base, "after": attribution.fit}
     models.update({s.cause: s.without for s in attribution.included})
     step = min(REPORT_STEP_S, attribution.fit.model(problem).step_s)

@@ -51,10 +51,10 @@ def practically_indistinguishable(
         swaps = substitutes_for(search, fit, one, without)
         known = {cause for cause in swaps if cause in nearly or cause[0] in store.effects[one[0]].confused_with}
         gains = _as_likely(store, fit, swaps, known, leaves_as_little)
-        # What such an effect is confused with may be one, too: the motor's constant for viscous friction, and a gain
-        # for that.
+        # What it is confused with may be one without being ranked first, and so may what that is confused with: the
+        # motor's constant for viscous friction, and a gain for that.
         confused = {
-            renaming.in_place(store, e, cause) for cause in gains for e in store.effects[cause[0]].confused_with
+            renaming.in_place(store, e, cause) for cause in (one, *gains) for e in store.effects[cause[0]].confused_with
         }
         further = {
             rival.cause: swaps.get(rival.cause) or exchanging.swapped(store, fit, without, rival)

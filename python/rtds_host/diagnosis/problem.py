@@ -45,8 +45,6 @@ PIECE_S = 0.3
 CHI2 = SIGNIFICANT**2
 # Numerical: lags that are tried in a run, in delays of the others.
 LAGS = np.linspace(0.0, 3.0, 25)
-# Numerical: rows of a block whose noise is measured.
-NOISE_ROWS = 20
 # Places of an axis' measured state in a run's start (`start_state`).
 STARTS = {"th_l": (3,), "w_l": (5, 9)}
 
@@ -62,7 +60,8 @@ class Problem:
 
     def __init__(self, case: Case, threads: int = 2, pieces: bool = False, by_run: bool = False):
         self.case = case
-        self.robot = case.robot
+        # Its noise is that of the samples; `declared`: the noise of the file, the unit of a gap.
+        self.robot, self.declared = case.robot, case.robot.as_declared
         self.nominal = nominal_model(case.robot)
         self.nuisances = nuisances_of(case, self.nominal)
         self.effects: dict[str, Effect] = catalogue(case.robot, case.runs)
@@ -73,7 +72,7 @@ class Problem:
         coarsest = max(float(np.median(np.diff(log.t))) for log in case.runs)
         self.block_s = min(gaps.WINDOW_S, max(lasted / LEAST_BLOCKS, ROWS_A_BLOCK * coarsest))
         self.pieces = pieces
-        self.whole = [RunData(log, run_inputs(log, case.robot)) for log in case.runs]
+        self.whole = [RunData(log, run_inputs(log, self.declared)) for log in case.runs]
         self.searched = min(1.0, SEARCHED_S / lasted, SEARCHED_ROWS / sum(len(log.t) for log in case.runs))
         self.runs, owners = [], []
         shortfall = 0.0  # of what is to be searched, s, what the runs so far did not give
@@ -85,7 +84,7 @@ class Problem:
                 parts = self._stretches(log, shortfall)
                 shortfall -= sum(float(part.log.t[-1] - part.log.t[0]) for part in parts)
             else:
-                parts = [self._prepared(log, run_inputs(log, self.robot))]
+                parts = [self._prepared(log, run_inputs(log, self.declared))]
             self.runs += parts
             owners += [k] * len(parts)
         self.owners = owners
@@ -123,30 +122,10 @@ class Problem:
             nominal = gaps.errors(data.log, self.robot, replay_run(self.nominal, data.inputs))
             for channel, places in STARTS.items():
                 moved = start.copy()
-                moved[list(places)] += (self.robot.noise(channel) or 0.0) * self.sample_noise.get(channel, 1.0)
+                moved[list(places)] += self.robot.noise(channel) or 0.0
                 found = gaps.errors(data.log, self.robot, replay_run(self.nominal, (*others, moved)))
                 errors.append({c: gaps.squares(error - nominal[c]) for c, error in found.items()})
         return math.sqrt(len(STARTS)) * gaps.gap(gaps.pooled(errors)) if errors else 0.0
-
-    @functools.cached_property
-    def sample_noise(self) -> dict[str, float]:
-        """Channel -> the noise that its samples show over the declared one; of channels with enough samples, of which
-        most are no copies of the one before.
-
-        By third differences, which motion hardly has: the median over blocks of 20 rows of their root mean square,
-        over sqrt(20), that of white noise of one unit.
-        """
-        found: dict[str, list[float]] = {}
-        for log in self.case.runs:
-            for channel, values in log.columns.items():
-                noise, there = self.robot.noise(channel), values[np.isfinite(values)]
-                held = bool(np.median(np.abs(np.diff(there))) == 0.0) if len(there) > 1 else True
-                if noise and len(there) >= 2 * NOISE_ROWS and not held:
-                    third = np.diff(there, 3) / (math.sqrt(20.0) * noise)
-                    blocks = np.array_split(third, len(third) // NOISE_ROWS)
-                    found.setdefault(channel, []).extend(float(np.sqrt(np.mean(block**2))) for block in blocks)
-        sizes = {channel: float(np.median(blocks)) for channel, blocks in found.items()}
-        return {channel: size for channel, size in sizes.items() if size > 0.0}
 
     @property
     def looked_at(self) -> Case:
@@ -191,7 +170,7 @@ class Problem:
             if last - first >= ROWS_A_BLOCK
         ]
         return [
-            self._prepared(log.rows(first, last), piece_inputs(log, self.robot, first, last))
+            self._prepared(log.rows(first, last), piece_inputs(log, self.declared, first, last))
             for first, last in bounds or [(0, len(log.t))]
         ]
 
@@ -215,7 +194,7 @@ class Problem:
             if first is not None and last - first >= ROWS_A_BLOCK:
                 parts.append(
                     self._prepared(
-                        log.rows(int(first), int(last)), stretch_inputs(log, self.robot, int(first), int(last))
+                        log.rows(int(first), int(last)), stretch_inputs(log, self.declared, int(first), int(last))
                     )
                 )
         return parts
@@ -432,11 +411,17 @@ class Problem:
         return [(data, k) for k, data in enumerate(self.whole_runs_starting(start))]
 
     def gap(self, model: Model) -> float:
-        """The contract's gap at the search's steps: of whole runs, of long ones of the stretches that are searched."""
+        """The gap at the search's steps: of whole runs, of long ones of the stretches that are searched; in units of
+        the noise that samples show.
+        """
         searched = self.searched < 1.0 and not self.pieces
         return self.replayer.gap(
             model, self.runs_starting(model.start) if searched else self.whole_runs_starting(model.start)
         )
+
+    def declared_gap(self, model: Model) -> float:
+        """The same in units of the declared noise (contract, section 4)."""
+        return self.robot.noise_ratio * self.gap(model)
 
     def gap_as_fitted(self, model: Model) -> float:
         """The same with commands as late in each run as they were fitted, `aligned_commands`: what an effect is worth

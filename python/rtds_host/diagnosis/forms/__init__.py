@@ -127,7 +127,7 @@ def reported_gap(problem: Problem, fit: Fit) -> float:
     for data, mine in zip(problem.whole_runs_starting(fit.start), parts, strict=True):
         for first, last, _ in mine:
             out = replay_run(next(models), data.inputs, step)[first:last]
-            errors = gaps.errors(data.log.rows(first, last), problem.robot, out)
+            errors = gaps.errors(data.log.rows(first, last), problem.declared, out)
             squares.append({channel: gaps.squares(error) for channel, error in errors.items()})
     return gaps.gap(gaps.pooled(squares))
 

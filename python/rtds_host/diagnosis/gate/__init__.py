@@ -28,6 +28,7 @@ from rtds_host.diagnosis.gate import (
 )
 from rtds_host.diagnosis.gate.findings import SEVERITIES, Finding, Gate, Timing, merged, percent
 from rtds_host.diagnosis.gate.limits import Limits, channels, limits
+from rtds_host.diagnosis.gate.sample_noise import noise_ratio
 from rtds_host.diagnosis.gate.stuck import timed_faults
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.thresholds import MINOR_SHARE, SIGNIFICANT, few
@@ -97,7 +98,7 @@ def examine(case: Case) -> Gate:
         command_step_s=float(np.median(apart)) if apart else math.nan,
         commands_enough=all(enough for _, _, enough in commands),
     )
-    return Gate(tuple(found), cleaned, noise, clock)
+    return Gate(tuple(found), cleaned, noise, noise_ratio(cleaned, noise), clock)
 
 
 def _notices(case: Case) -> list[Finding]:
@@ -164,7 +165,7 @@ def _compared(
     """The case without clipped and frozen stretches, what a comparison with the nominal robot tells, and lags."""
     robot = case.robot
     # A sensor of few counts sits on each of them, its largest one, too.
-    counting = replace(robot, measured_noise=noise)
+    counting = replace(robot, rounded_noise=noise)
     model = nominal_model(robot)
     found: list[Finding] = []
     lags: list[tuple[str, float]] = []

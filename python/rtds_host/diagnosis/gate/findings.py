@@ -53,12 +53,14 @@ class Gate:
     """Findings of a case, worst first, and what follows from them.
 
     case : the case to diagnose: samples set aside are NaN, runs are cut at holes.
-    noise : channel -> one standard deviation of its noise with its rounding; channels with a declared noise only.
+    noise : channel -> one standard deviation of its declared noise with its rounding; channels with a
+    declared noise only. noise_ratio : the noise that samples show over that, see `sample_noise`.
     """
 
     findings: tuple[Finding, ...]
     case: Case
     noise: dict[str, float] = field(default_factory=dict)
+    noise_ratio: float = 1.0
     timing: Timing | None = None
 
     def of(self, kind: str) -> tuple[Finding, ...]:

@@ -104,8 +104,11 @@ class Store:
         return self.problem.gap(fit.model(self.problem))
 
     def within_noise(self, fit: Fit) -> bool:
-        """Whether the gap of an explanation is no larger than noise makes it: below `LEAST`."""
-        return self.gap(fit) < LEAST
+        """Whether the gap of an explanation is no larger than noise makes it, as declared or as samples show it: below
+        `LEAST`.
+        """
+        model = fit.model(self.problem)
+        return min(self.problem.gap(model), self.problem.declared_gap(model)) < LEAST
 
     def supported(self, extended: Fit, fit: Fit, closest: float) -> bool:
         """Whether an explanation is more probable than a subset of it, its gain limited by its scatter, and reduces the

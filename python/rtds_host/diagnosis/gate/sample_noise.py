@@ -1,0 +1,52 @@
+"""The noise that samples show, whatever `[sensors]` declares.
+
+The search for effects takes this noise, so that names and sizes do not depend on the declared one (contract, section
+5). The declared noise says which gap matters, and how sensors compare with one another: only its ratio to that of the
+samples is estimated, the same for all channels.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from rtds_host.contract import Case
+from rtds_host.diagnosis.gap import gap_channels
+
+# Numerical: rows of a block whose differences give one value of the noise.
+NOISE_ROWS = 20
+# Numerical: the median over blocks of the root mean square of third differences of unit white noise, over sqrt(20).
+MEDIAN_OF_WHITE = 0.958
+
+
+def sample_noise(case: Case) -> dict[str, float]:
+    """Channel -> one standard deviation of the white noise in its samples, SI.
+
+    Of channels with enough samples, of which most are no copies of the one before. By third differences, which motion
+    hardly has: the median over blocks of `NOISE_ROWS` rows of their root mean square, over sqrt(20), that of white
+    noise of one unit (J. von Neumann et al., Ann. Math. Statist. 12, 153, 1941, for first differences).
+    """
+    found: dict[str, list[float]] = {}
+    for log in case.runs:
+        for channel, values in log.columns.items():
+            there = values[np.isfinite(values)]
+            held = bool(np.median(np.abs(np.diff(there))) == 0.0) if len(there) > 1 else True
+            if case.robot.noise(channel) and len(there) >= 2 * NOISE_ROWS and not held:
+                third = np.diff(there, 3) / (math.sqrt(20.0) * MEDIAN_OF_WHITE)
+                blocks = np.array_split(third, len(third) // NOISE_ROWS)
+                found.setdefault(channel, []).extend(float(np.sqrt(np.mean(block**2))) for block in blocks)
+    sizes = {channel: float(np.median(blocks)) for channel, blocks in found.items()}
+    return {channel: size for channel, size in sizes.items() if size > 0.0}
+
+
+def noise_ratio(case: Case, declared: Mapping[str, float]) -> float:
+    """The noise that samples show over the declared one: geometric mean over the channels that a gap counts; 1 where
+    samples of none show it.
+
+    declared : channel -> one standard deviation, SI, with its rounding.
+    """
+    counted = {channel for log in case.runs for channel in gap_channels(log, case.robot)}
+    ratios = [sigma / declared[c] for c, sigma in sample_noise(case).items() if c in counted and c in declared]
+    return math.exp(sum(map(math.log, ratios)) / len(ratios)) if ratios else 1.0
