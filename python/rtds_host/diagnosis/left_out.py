@@ -31,29 +31,31 @@ def left_out(problem: Problem, fit: Fit, parts: Sequence[np.ndarray]) -> list[Mo
     """
     keep = np.flatnonzero(fit.free)
     jacobian = np.concatenate([fit.by_nuisance, fit.by_effect], axis=1)[:, keep].astype(float)
-    others = [np.setdiff1d(np.arange(len(fit.residual)), rows) for rows in parts]
+    others = [np.ones(len(fit.residual), bool) for _ in parts]
+    for other, rows in zip(others, parts, strict=True):
+        other[rows] = False
     sensitivities = [np.zeros(len(fit.free)) for _ in parts]
-    taken = [_cost(fit, fit.residual, rows) for rows in others]
+    taken = [_cost(fit, fit.residual, other) for other in others]
     best = list(sensitivities)
     residuals = [fit.residual] * len(parts)
     for turn in range(STEPS):
         sensitivities = [
-            move + _step(fit, keep, jacobian, residual, rows, move, first=not turn)
-            for move, residual, rows in zip(sensitivities, residuals, others, strict=True)
+            move + _step(fit, keep, jacobian, residual, other, move, first=not turn)
+            for move, residual, other in zip(sensitivities, residuals, others, strict=True)
         ]
         residuals = problem.residuals([_moved(problem, fit, move) for move in sensitivities])
-        for k, (move, residual, rows) in enumerate(zip(sensitivities, residuals, others, strict=True)):
-            cost = _cost(fit, residual, rows)
+        for k, (move, residual, other) in enumerate(zip(sensitivities, residuals, others, strict=True)):
+            cost = _cost(fit, residual, other)
             if cost < taken[k]:
                 best[k], taken[k] = move, cost
     return [_moved(problem, fit, move) for move in best]
 
 
-def _cost(fit: Fit, residual: np.ndarray, rows: np.ndarray) -> float:
-    """-2 log likelihood of some rows of the residuals."""
+def _cost(fit: Fit, residual: np.ndarray, others: np.ndarray) -> float:
+    """-2 log likelihood of some of the residuals, `others` (N,) of bool."""
     noise = fit.noise.estimated(residual)
-    white = noise.whiten(residual)[rows]
-    return float(white @ white + noise.log[rows].sum())
+    white = np.where(others, noise.whiten(residual), 0.0)
+    return float(white @ white + noise.log[others].sum())
 
 
 def _step(
@@ -61,22 +63,20 @@ def _step(
     keep: np.ndarray,
     jacobian: np.ndarray,
     residual: np.ndarray,
-    rows: np.ndarray,
+    others: np.ndarray,
     move: np.ndarray,
     first: bool,
 ) -> np.ndarray:
-    """A step of all parameters, (k + p,), towards the optimum of some rows, from where `move` led; none where these
-    rows do not determine it. `first`: the first one, which starts from an optimum of all rows."""
+    """A step of all parameters, (k + p,), towards the optimum of some rows, `others` (N,) of bool, from where `move`
+    led; none where these rows do not determine it. `first`: the first one, which starts from an optimum of all rows."""
     noise = fit.noise.estimated(residual)
-    root = np.ones(len(residual)) if noise.root is None else noise.root
+    weight = np.ones(len(residual)) if noise.root is None else np.square(noise.root)
     at = (np.concatenate([fit.z, fit.u]) + move)[keep]
     prior = prior_weight(fit.z, fit.u)[keep]
-    weighted = jacobian[rows] * root[rows, None]
-    hessian = weighted.T @ weighted + np.diag(prior)
-    gradient = weighted.T @ (residual * root)[rows] + prior * at
-    if first:
-        # What the last step of the fit to all left is no part of what these rows ask for.
-        gradient -= (jacobian * root[:, None]).T @ (residual * root) + prior * at
+    used = np.where(others, weight, 0.0)
+    hessian = jacobian.T @ (jacobian * used[:, None]) + np.diag(prior)
+    # What the last step of the fit to all left is no part of what these rows ask for.
+    gradient = jacobian.T @ ((used - weight if first else used) * residual) + (0.0 if first else prior * at)
     sigma = np.sqrt(np.diag(np.linalg.inv(hessian)))
     step = np.zeros(len(fit.free))
     step[keep] = -np.clip(np.linalg.solve(hessian, gradient), -TRUSTED * sigma, TRUSTED * sigma)
@@ -125,6 +125,12 @@ def predicted(problem: Problem, fit: Fit) -> list[Prediction]:
     parts = [(k, *one) for k, mine in enumerate(parted(problem)) for one in mine]
     models = left_out(problem, fit, [rows for *_, rows in parts])
     return [Prediction(k, first, last, model) for (k, first, last, _), model in zip(parts, models, strict=True)]
+
+
+def as_fitted(problem: Problem, fit: Fit) -> list[Prediction]:
+    """The same parts and the explanation as it was fitted to all of them."""
+    model = fit.model(problem)
+    return [Prediction(k, first, last, model) for k, mine in enumerate(parted(problem)) for first, last, _ in mine]
 
 
 def over_runs(problem: Problem, parts: Sequence[Prediction]) -> list[Errors]:

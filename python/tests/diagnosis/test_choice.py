@@ -8,17 +8,13 @@ from rtds_host.diagnosis.choice import MAX_RESIDUAL_RATIO, HeldOutScore, chosen,
 from rtds_host.diagnosis.gap import Squares
 
 
-def judged(*horizons, prior=0.0, runs=1, noise=1.0):
+def judged(*horizons, prior=0.0, runs=1):
     """An explanation by its gaps in speed and current; with two lists of them over whole runs and over pieces.
 
-    runs : how many were left out in turn, all with these gaps; noise : what the samples show over what is declared."""
+    runs : how many were left out in turn, all with these gaps."""
     each = horizons if isinstance(horizons[0], tuple) else (horizons,)
     parts = [[{c: Squares(gap**2, 1) for c, gap in zip(("w_l", "i_l"), gaps)}] * runs for gaps in each]
-    return HeldOutScore(
-        SimpleNamespace(prior=prior),
-        SimpleNamespace(sample_noise={"w_l": noise, "i_l": noise}),
-        tuple(parts),
-    )
+    return HeldOutScore(SimpleNamespace(prior=prior), SimpleNamespace(), tuple(parts))
 
 
 def taken(found):
@@ -43,18 +39,6 @@ def test_an_effect_is_taken_that_leaves_little_on_runs_left_out():
     none, good = judged(5.0, 5.0), judged(2.0, 2.0)
     assert taken({0: [none], 1: [good]}) is good
     assert taken({0: [none], 1: [judged(4.9, 4.9)]}) is none
-
-
-@pytest.mark.parametrize("times", [1.0, 3.0, 10.0])
-def test_what_is_worth_it_does_not_hang_on_the_declared_noise(times):
-    """Noise declared three times too small makes every gap three times as large, and white noise a part of each."""
-
-    def one(*gaps):
-        return judged(*(times * gap for gap in gaps), noise=times)
-
-    none, friction, more = one(5.0, 2.0), one(5.0, 1.4), one(4.9, 1.4)
-    assert taken({0: [none], 1: [friction], 2: [more]}) is friction
-    assert residual_ratio(friction, none) == pytest.approx(0.57, abs=0.01)
 
 
 def test_two_effects_that_help_only_together_are_taken_together():

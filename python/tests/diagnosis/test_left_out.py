@@ -123,24 +123,6 @@ def test_an_effect_is_worth_naming_if_it_outweighs_half_of_the_residual_or_is_mu
     assert enough_to_include(without, gap, share) is worth
 
 
-@pytest.mark.parametrize("declared", [1.0 / 3.0, 1.0, 3.0])
-def test_the_noise_of_samples_is_measured_whatever_the_file_declares(declared):
-    case = make_case(seconds=20.0)
-    robot = replace(case.robot, sensors={key: declared * sigma for key, sigma in case.robot.sensors.items()})
-    for channel, size in Problem(replace(case, robot=robot), 1).sample_noise.items():
-        if channel.startswith(("i", "w", "gyro")):
-            assert size * declared == pytest.approx(1.0, abs=0.15), channel
-
-
-def test_samples_that_are_held_show_no_noise():
-    """A sensor that is read once in five rows: its differences are zero or a step."""
-
-    def held(t, columns):
-        columns["w_l"] = np.repeat(columns["w_l"][::5], 5)[: len(t)]
-
-    assert "w_l" not in Problem(changed(make_case(seconds=20.0), held), 1).sample_noise
-
-
 def test_plain_squares_find_another_optimum_of_an_explanation_than_the_likelihood():
     """Two runs say one friction and a third another one: the likelihood lets the third go, plain squares do not."""
     search, fit = fitted(with_frictions(0.02, 0.02, 0.035), {COULOMB: {"torque_nm": 0.02}})

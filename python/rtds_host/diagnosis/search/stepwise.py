@@ -12,7 +12,7 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 
-from rtds_host.diagnosis.choice import HeldOutScore, chosen
+from rtds_host.diagnosis.choice import EQUIVALENT_GAP_RATIO, MAX_RESIDUAL_RATIO, HeldOutScore, chosen, residual_ratio
 from rtds_host.diagnosis.fit import Fit, Hypothesis
 from rtds_host.diagnosis.gap import LEAST
 from rtds_host.diagnosis.search.beam import additions, most_probable, screenings, widened
@@ -42,10 +42,25 @@ class Selection:
         return selection
 
     def judge(self, search: Search, fits: Sequence[Fit]) -> None:
-        """Score explanations of a search on held-out runs and add them; those that are here are not scored again."""
+        """Score explanations of a search on held-out runs and add those that could be chosen; none is scored twice."""
+        selected = self.choice()[1] if self._judged else None
         for fit in fits:
-            if fit not in self._judged:
+            if fit in self._judged:
+                continue
+            if selected is None or self._could_be_chosen(HeldOutScore.in_sample(search.problem, fit), selected):
                 self._judged[fit] = HeldOutScore.of(search.problem, fit), search
+
+    def _could_be_chosen(self, one: HeldOutScore, selected: HeldOutScore) -> bool:
+        """Whether an explanation with this in-sample score could be chosen, or decide whether one with more effects is.
+
+        With more effects than the selected one it must reduce the residual by enough; else its gap must be equivalent
+        to the smallest with no more effects.
+        """
+        count, more = len(one.fit.hypothesis), len(one.fit.hypothesis) - len(selected.fit.hypothesis)
+        if more > 0:
+            return residual_ratio(one, selected) < MAX_RESIDUAL_RATIO**more
+        gaps = [score.gap for fit, (score, _) in self._judged.items() if len(fit.hypothesis) <= count]
+        return not gaps or one.gap <= EQUIVALENT_GAP_RATIO * min(gaps)
 
     def choice(self) -> tuple[Search, HeldOutScore]:
         """The score of the explanation that held-out runs choose, and the search that found it."""

@@ -1,0 +1,89 @@
+"""The noise that samples show decides what a search sees; the declared one is the unit of the gap alone."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from axis_machine import write_axis_case
+from diagnosis_cases import changed, make_case
+
+from rtds_host.contract import read_case
+from rtds_host.diagnosis.diagnose import diagnose
+from rtds_host.diagnosis.gate import examine
+from rtds_host.diagnosis.gate.sample_noise import noise_ratio, sample_noise
+
+
+def declaring(case, times):
+    """A case whose file declares so many times the noise."""
+    sensors = {key: times * sigma for key, sigma in case.robot.sensors.items()}
+    return replace(case, robot=replace(case.robot, sensors=sensors))
+
+
+def answers(case):
+    """Names, sides and sizes of a diagnosis, and its gap."""
+    found, _ = diagnose(case, quick=True, threads=1)
+    sizes = {
+        (effect["id"], effect["side"], name): one["value"]
+        for effect in found["effects"]
+        for name, one in effect["parameters"].items()
+    }
+    return sizes, found["gap"]
+
+
+def test_white_noise_is_measured_without_bias():
+    """The median over blocks of a root mean square is less than that of all; the estimate makes up for it."""
+    rng = np.random.default_rng(3)
+
+    def white(t, columns):
+        columns["w_l"] = rng.normal(0.0, 0.05, len(t))
+
+    case = changed(make_case(seconds=20.0), white)
+    assert sample_noise(case)["w_l"] == pytest.approx(0.05, rel=0.03)
+
+
+@pytest.mark.parametrize("times", [1.0 / 3.0, 1.0, 3.0])
+def test_the_noise_of_samples_is_measured_whatever_the_file_declares(times):
+    case = declaring(make_case(seconds=20.0), times)
+    for channel, sigma in sample_noise(case).items():
+        if channel.startswith(("i", "w", "gyro")):
+            assert sigma * times == pytest.approx(case.robot.noise(channel), rel=0.15), channel
+
+
+def test_samples_that_are_held_show_no_noise():
+    """A sensor that is read once in five rows: its differences are zero or a step."""
+
+    def held(t, columns):
+        columns["w_l"] = np.repeat(columns["w_l"][::5], 5)[: len(t)]
+
+    assert "w_l" not in sample_noise(changed(make_case(seconds=20.0), held))
+
+
+def test_a_ratio_that_no_channel_shows_is_one():
+    case = make_case(seconds=0.1)
+    assert noise_ratio(case, {}) == 1.0
+
+
+def test_the_gate_hands_on_the_ratio_and_the_gap_keeps_the_declared_unit():
+    """Noise that is declared three times too small makes the gap three times as large, and no other search."""
+    case = make_case(seconds=8.0)
+    one, third = examine(case), examine(declaring(case, 1.0 / 3.0))
+    assert one.noise_ratio == pytest.approx(1.0, rel=0.1)
+    assert third.noise_ratio == pytest.approx(3.0 * one.noise_ratio, rel=0.02)
+
+
+@pytest.mark.parametrize("times", [1.0 / 3.0, 3.0])
+def test_names_and_sizes_do_not_depend_on_the_declared_noise_while_a_gap_is_left(tmp_path_factory, times):
+    """An axis whose speed sensor adds a wave that no effect has: a gap of far more than noise is left, and the answer
+    is the same to five digits with three times or a third of the noise (contract, section 5)."""
+    folder = tmp_path_factory.mktemp("axis")
+    case = read_case(write_axis_case(folder / "case", "linear", "voltage", gain=1.2, coulomb=0.05))
+
+    def rest(t, columns):
+        columns["w_l"] = columns["w_l"] + 0.5 * np.sin(0.7 * t) ** 3
+
+    case = changed(case, rest)
+    sizes, gap = answers(case)
+    others, scaled = answers(declaring(case, times))
+    assert gap["after"] > 2.0 < scaled["after"] and sizes
+    assert others == pytest.approx(sizes, rel=1e-5)
+    assert scaled["after"] * times == pytest.approx(gap["after"], rel=0.01)
