@@ -14,7 +14,7 @@ from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.fit import Fit, parameters, prior_weight
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import Model, replay_run
-from rtds_host.diagnosis.residual import CHANNELS, RunData
+from rtds_host.diagnosis.residual import CHANNELS, RunData, run_residual
 
 # Squares of the errors of one part that was left out, by channel.
 Errors = Mapping[str, gaps.Squares]
@@ -160,13 +160,27 @@ def over_pieces(problem: Problem, parts: Sequence[Prediction]) -> list[Errors]:
     if problem.robot.axis is None:
         return []
     pieces = problem.in_pieces
-    found: list[Errors] = []
-    for one, residual in zip(parts, pieces.residuals([one.model for one in parts]), strict=True):
+    owned: list[list[tuple[RunData, slice]]] = [[] for _ in problem.whole]
+    for owner, of_piece in zip(pieces.owners, pieces.rows, strict=True):
+        owned[owner].append(of_piece)
+
+    def errors(one: Prediction) -> Errors:
         t = problem.whole[one.run].log.t
-        mine = (pieces.runs_of == one.run) & (pieces.times >= t[one.first]) & (pieces.times <= t[one.last - 1])
-        channels = pieces.channels_of[mine]
-        found.append({CHANNELS[c]: gaps.squares(residual[mine][channels == c]) for c in np.unique(channels)})
-    return found
+        mine = [
+            (data, rows)
+            for data, rows in owned[one.run]
+            if data.log.t[-1] >= t[one.first] and data.log.t[0] <= t[one.last - 1]
+        ]
+        if not mine:
+            return {}
+        residual = np.concatenate([run_residual(data, replay_run(one.model, data.inputs)) for data, _ in mine])
+        times, channels = (
+            np.concatenate([values[rows] for _, rows in mine]) for values in (pieces.times, pieces.channels_of)
+        )
+        there = (times >= t[one.first]) & (times <= t[one.last - 1])
+        return {CHANNELS[c]: gaps.squares(residual[there & (channels == c)]) for c in np.unique(channels[there])}
+
+    return list(problem.pool.map(errors, parts))
 
 
 def left_out_channels(problem: Problem, fit: Fit) -> dict[str, float]:
