@@ -233,9 +233,7 @@ def conclude(
     scatter = scattered(problem, attribution.fit) if attribution.included else {}
     looked_at = replace(problem.looked_at, robot=problem.declared)
     localisation = localise(looked_at, attribution.base.model(problem))
-    after = (
-        localise(looked_at, attribution.fit.model(problem), held=True) if attribution.included else localisation
-    )
+    after = localise(looked_at, attribution.fit.model(problem), held=True) if attribution.included else localisation
     rows = [] if verdict == "none" else budget.shares(problem, attribution.fit, total["after"], after)
     located = budget.located(problem, rows)
     placed = after.shares()

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from diagnosis_cases import changed, make_case, make_run
+from diagnosis_cases import make_run
 
 from rtds_host.contract import Case, builtin_robot
 from rtds_host.diagnosis import gap as gaps

@@ -65,6 +65,16 @@ def test_no_step_goes_beyond_the_budget(linear):
     assert found.stepwise()[1].hypothesis == (GAIN,)
 
 
+def test_explanations_that_are_not_scored_could_not_have_been_chosen(linear, monkeypatch):
+    """The in-sample score, a tenth of the cost, says which explanations held-out runs cannot choose: with all of them
+    scored the choice is the same."""
+    one = selection(linear, {GAIN: {"ratio": 1.2}}).stepwise()[1]
+    monkeypatch.setattr(Selection, "could_be_chosen", lambda *_: True)
+    other = selection(linear, {GAIN: {"ratio": 1.2}}).stepwise()[1]
+    assert one.hypothesis == other.hypothesis
+    assert one.u == pytest.approx(other.u)
+
+
 @pytest.mark.parametrize(
     ("kind", "mode", "unstable"),
     [("pendulum", "torque", True), ("linear", "voltage", False), ("linear", "torque", False)],

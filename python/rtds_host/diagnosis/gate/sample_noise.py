@@ -14,6 +14,8 @@ import numpy as np
 
 from rtds_host.contract import Case
 from rtds_host.diagnosis.gap import gap_channels
+from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
+from rtds_host.plant.schema import OUTPUT_INDEX
 
 # Numerical: rows of a block whose differences give one value of the noise.
 NOISE_ROWS = 20
@@ -24,21 +26,33 @@ MEDIAN_OF_WHITE = 0.958
 def sample_noise(case: Case) -> dict[str, float]:
     """Channel -> one standard deviation of the white noise in its samples, SI.
 
-    Of channels with enough samples, of which most are no copies of the one before. By third differences, which motion
-    hardly has: the median over blocks of `NOISE_ROWS` rows of their root mean square, over sqrt(20), that of white
-    noise of one unit (J. von Neumann et al., Ann. Math. Statist. 12, 153, 1941, for first differences).
+    Of channels with a declared noise and enough samples, of which most are no copies of the one before. By third
+    differences, which motion hardly has: the median over blocks of `NOISE_ROWS` rows of their root mean square, over
+    sqrt(20), that of white noise of one unit (J. von Neumann et al., Ann. Math. Statist. 12, 153, 1941, for first
+    differences). Where rows are few, motion is not smooth from row to row. So each block takes the smaller value of the
+    samples and of what the nominal robot's replay differs from them by, which lacks the most of that motion.
     """
-    found: dict[str, list[float]] = {}
+    found: dict[str, list[np.ndarray]] = {}
+    model = nominal_model(case.robot)
     for log in case.runs:
+        out = replay_run(model, run_inputs(log, case.robot))
         for channel, values in log.columns.items():
-            there = values[np.isfinite(values)]
-            held = bool(np.median(np.abs(np.diff(there))) == 0.0) if len(there) > 1 else True
-            if case.robot.noise(channel) and len(there) >= 2 * NOISE_ROWS and not held:
-                third = np.diff(there, 3) / (math.sqrt(20.0) * MEDIAN_OF_WHITE)
-                blocks = np.array_split(third, len(third) // NOISE_ROWS)
-                found.setdefault(channel, []).extend(float(np.sqrt(np.mean(block**2))) for block in blocks)
-    sizes = {channel: float(np.median(blocks)) for channel, blocks in found.items()}
-    return {channel: size for channel, size in sizes.items() if size > 0.0}
+            there = np.isfinite(values)
+            samples = values[there]
+            held = bool(np.median(np.abs(np.diff(samples))) == 0.0) if len(samples) > 1 else True
+            if case.robot.noise(channel) and len(samples) >= 2 * NOISE_ROWS and not held:
+                sizes = [_by_block(samples), _by_block(samples - out[there, OUTPUT_INDEX[channel]])]
+                found.setdefault(channel, []).append(np.fmin(*sizes))
+    medians = {channel: float(np.median(np.concatenate(blocks))) for channel, blocks in found.items()}
+    return {channel: size for channel, size in medians.items() if size > 0.0}
+
+
+def _by_block(samples: np.ndarray) -> np.ndarray:
+    """One standard deviation of white noise in each block of some samples (n,): (blocks,)."""
+    with np.errstate(over="ignore", invalid="ignore"):  # of a replay that ran away
+        third = np.diff(samples, 3) / (math.sqrt(20.0) * MEDIAN_OF_WHITE)
+        blocks = np.array_split(third, len(third) // NOISE_ROWS)
+        return np.array([math.sqrt(np.mean(np.square(block))) for block in blocks])
 
 
 def noise_ratio(case: Case, declared: Mapping[str, float]) -> float:

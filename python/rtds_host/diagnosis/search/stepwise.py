@@ -47,10 +47,10 @@ class Selection:
         for fit in fits:
             if fit in self._judged:
                 continue
-            if selected is None or self._could_be_chosen(HeldOutScore.in_sample(search.problem, fit), selected):
+            if selected is None or self.could_be_chosen(HeldOutScore.in_sample(search.problem, fit), selected):
                 self._judged[fit] = HeldOutScore.of(search.problem, fit), search
 
-    def _could_be_chosen(self, one: HeldOutScore, selected: HeldOutScore) -> bool:
+    def could_be_chosen(self, one: HeldOutScore, selected: HeldOutScore) -> bool:
         """Whether an explanation with this in-sample score could be chosen, or decide whether one with more effects is.
 
         With more effects than the selected one it must reduce the residual by enough; else its gap must be equivalent
