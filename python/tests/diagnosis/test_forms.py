@@ -16,10 +16,11 @@ from rtds_host.diagnosis.fit import Fit, Fitter
 from rtds_host.diagnosis.forms import Forms, approximate, forms_of
 from rtds_host.diagnosis.forms.curves import Form, points_of, put, shapes
 from rtds_host.diagnosis.forms.ends import movable, moved
+from rtds_host.diagnosis.forms.fits import Cause
 from rtds_host.diagnosis.forms.formula import fitted, laws
 from rtds_host.diagnosis.forms.in_place import in_place
 from rtds_host.diagnosis.forms.screen import FormCandidate
-from rtds_host.diagnosis.forms.search import Cause, Found, keep_sizes, rivals, searched
+from rtds_host.diagnosis.forms.search import Found, keep_sizes, rivals, searched
 from rtds_host.diagnosis.likelihood import Likelihood
 from rtds_host.diagnosis.predict import read_diagnosis
 from rtds_host.diagnosis.problem import Problem

@@ -13,8 +13,9 @@ from rtds_host.diagnosis.choice import HeldOutScore
 from rtds_host.diagnosis.effects import CATALOGUE, SIDES
 from rtds_host.diagnosis.fit import Fit, Fitter, joined
 from rtds_host.diagnosis.forms.curves import Form, put, shapes, sides_of, written
+from rtds_host.diagnosis.forms.fits import STEPS, Cause
 from rtds_host.diagnosis.forms.formula import ENOUGH, fitted, laws
-from rtds_host.diagnosis.forms.search import STEPS, Cause, Found, closes, searched, values_of
+from rtds_host.diagnosis.forms.search import Found, closes, searched, values_of
 from rtds_host.diagnosis.left_out import left_out, parted
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import REPORT_STEP_S, Model, replay_run

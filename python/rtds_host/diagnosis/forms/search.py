@@ -2,7 +2,7 @@
 
 One form is taken after the other, at most three. Derivatives say which are worth a fit; fits say what each leaves of
 runs left out, and that decides, as it does between effects (`choice`). So the equation is that which predicts other
-runs, and not the one with the largest residual.
+runs, and not the one with the largest residual. A form that a later one makes needless is dropped (`backward`).
 """
 
 from __future__ import annotations
@@ -16,24 +16,24 @@ import numpy as np
 from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.choice import EQUIVALENT_GAP_RATIO, MAX_RESIDUAL_RATIO, HeldOutScore, pooled, residual_ratio
 from rtds_host.diagnosis.effects import RESEMBLES, Effect
-from rtds_host.diagnosis.fit import ROUGH_GAIN, Fit, Fitter, joined, parameters, side_by_side
+from rtds_host.diagnosis.fit import ROUGH_GAIN, Fit, Fitter, joined, parameters
+from rtds_host.diagnosis.forms.backward import eliminated
 from rtds_host.diagnosis.forms.candidates import candidates
 from rtds_host.diagnosis.forms.curves import Form, shapes
-from rtds_host.diagnosis.forms.ends import GAINS, with_ends
-from rtds_host.diagnosis.forms.screen import FormCandidate, Slopes, screened, slopes
+from rtds_host.diagnosis.forms.ends import GAINS, movable, with_ends
+from rtds_host.diagnosis.forms.fits import STEPS, Cause, derived, fitted, renewed, roughly, side_by_side_with, without
+from rtds_host.diagnosis.forms.screen import FormCandidate, screened, slopes
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.report.words import OVER_WORDS, TERM_WORDS
 from rtds_host.diagnosis.thresholds import MAJORITY, MINOR_SHARE
 from rtds_host.plant import forms as plant
 
-# An effect and its side.
-Cause = tuple[str, str]
-# What counts as a gap (contract, section 4).
-LEAST_GAP = gaps.LEAST
+# What counts as a gap (contract, section 4). An explanation's score is never below it (`choice.NO_GAP`), so only what
+# is above by more than rounding leaves anything to look for.
+LEAST_GAP = (1.0 + 1e-9) * gaps.LEAST
 # Numerical: forms of each screening that are fitted roughly at each turn, in a narrow search and in a wide one; how
-# many of these to convergence; and steps of a fit.
+# many of these to convergence.
 TRIED, FITTED = {True: 4, False: 6}, {True: 2, False: 4}
-STEPS, ROUGH_STEPS = 6, 4
 # Numerical: work (`Problem.work`) after which no further form is looked for, with a narrow search and with a wide one:
 # about a quarter of a minute, and a minute and a half. No time, or the answer would hang on the processor.
 MOST_WORK = {True: 1.7e9, False: 1e10}
@@ -42,11 +42,13 @@ MOST_WORK = {True: 1.7e9, False: 1e10}
 @dataclass
 class Found:
     """Forms of a case, in the order in which they were found: `judged` holds the explanation without any and with one
-    after the other. `notes`: what else is to be said; `superseded`: named effects that curves supersede."""
+    after the other. `notes`: what else is to be said; `rivals`: what is said of a form, by its id, as long as it is
+    one; `superseded`: named effects that curves supersede."""
 
     judged: list[HeldOutScore]
     forms: list[tuple[Form, str]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    rivals: dict[str, list[str]] = field(default_factory=dict)
     superseded: list[Cause] = field(default_factory=list)
 
     @property
@@ -67,7 +69,8 @@ def searched(problem: Problem, fit: Fit, quick: bool, lacking: Mapping[Cause, Fi
     found = Found([HeldOutScore.of(problem, fit)])
     known: dict[str, Effect] = dict(fit.effects)
     lacking = lacking or {}
-    while len(found.forms) < plant.MOST_FORMS and found.judged[-1].gap >= LEAST_GAP:
+    seen: set[frozenset[Cause]] = {frozenset()}
+    while len(found.forms) < plant.MOST_FORMS and found.judged[-1].gap > LEAST_GAP:
         if problem.work - began > MOST_WORK[quick]:
             break
         # In an effect's place only what is left by named effects alone is known.
@@ -77,11 +80,22 @@ def searched(problem: Problem, fit: Fit, quick: bool, lacking: Mapping[Cause, Fi
         candidate, judged = best
         found.forms.append((candidate.form, candidate.side))
         found.judged.append(judged)
+        drop_needless(problem, found)
+        now = frozenset((form.id, side) for form, side in found.forms)
+        if now in seen:
+            break  # a form dropped and found once more: the search would go in a circle
+        seen.add(now)
     if found.forms and lacking:
         drop_superseded(problem, found, lacking)
     if found.forms:
         keep_sizes(problem, found)
+    found.notes += [note for form, _ in found.forms for note in found.rivals.get(form.id, ())]
     return found
+
+
+def drop_needless(problem: Problem, found: Found) -> None:
+    """Drop forms that are not supported next to the latest one."""
+    found.judged, found.forms = eliminated(problem, found.judged, found.forms)
 
 
 def keep_sizes(problem: Problem, found: Found) -> None:
@@ -109,7 +123,7 @@ def keep_sizes(problem: Problem, found: Found) -> None:
     problem.follow_angles(True)
     fit = fitter.fit(hypothesis, start, now.z, now.noise, STEPS, by_nuisance=now.by_nuisance, held=held)
     problem.follow_angles(False)
-    kept = HeldOutScore.of(problem, _renewed(problem, fit))
+    kept = HeldOutScore.of(problem, renewed(problem, fit))
     if pooled(kept, found.judged[0]) <= MAX_RESIDUAL_RATIO:
         found.judged[-1] = kept
     else:
@@ -137,31 +151,26 @@ def _next(
         if one.left < 1.0
     ]
     tried = list({(base.hypothesis, one.form, one.side): (base, one) for base, one in tried}.values())
-    roughly = _roughly(problem, known, known_slopes, tried)
+    rough = roughly(problem, known, known_slopes, tried)
     problem.follow_angles(False)
     judged = [
-        (HeldOutScore.of(problem, _renewed(problem, fit)), base, one)
-        for (base, one), fit in zip(tried, roughly, strict=True)
-        if fit.score < base.score
+        (HeldOutScore.of(problem, renewed(problem, fit)), base, one)
+        for (base, one), fit in zip(tried, rough, strict=True)
+        if fit.score < base.score or movable(one.form)
     ]
     judged.sort(key=lambda each: each[0].gap)
-    problem.follow_angles(True)
-    fits = [_fitted(problem, rough.fit, known, one) for rough, _, one in judged[: FITTED[quick]]]
-    problem.follow_angles(False)
-    # What the likelihood ends in may leave more of runs left out than what the rough fit came to.
-    ended = [
-        (one, HeldOutScore.of(problem, _renewed(problem, fit)) if fit is not rough.fit else rough)
-        for (rough, base, one), converged in zip(judged, fits)
-        for fit in (rough.fit, converged)
-        if fit.score < base.score
-    ]
-    if not ended:
+    reaches = {form.over: max(each.high for each in forms if each.over == form.over) for form in forms}
+    for ended in _ended(problem, known, judged, quick):
+        candidate, best = _smallest_residual(ended)
+        if pooled(best, now) <= GAINS:
+            fits, reach = partial(side_by_side_with, problem, known, best.fit), reaches[candidate.form.over]
+            candidate, best = with_ends(problem, fits, candidate, best, reach)
+        best = HeldOutScore.of(problem, renewed(problem, derived(problem, best.fit)))
+        base = _base(best.fit, candidate, (now.fit, *lacking))
+        if best.fit.score < base.score:
+            break
+    else:
         return None
-    candidate, best = _smallest_residual(ended)
-    if pooled(best, now) <= GAINS:
-        reach = max(form.high for form in forms if form.over == candidate.form.over)
-        candidate, best = with_ends(problem, partial(_side_by_side, problem, known, best.fit), candidate, best, reach)
-    best = HeldOutScore.of(problem, _renewed(problem, _derived(problem, best.fit, known, candidate)))
     if pooled(best, now) > MAX_RESIDUAL_RATIO:
         return None
     name = _named(problem, now, best, candidate)
@@ -169,9 +178,48 @@ def _next(
         # Another equation's curve would then stand in for an effect that has a name.
         found.notes.append(f"{candidate.form.term} over {candidate.form.over}: {name} makes it as well, and is no form")
         return None
-    found.notes += rivals(ended, candidate.form, now, best)
+    found.rivals[candidate.form.id] = rivals(ended, candidate.form, now, best)
     known[candidate.form.id] = candidate.form.effect()
     return candidate, best
+
+
+def _base(fit: Fit, one: FormCandidate, bases: Sequence[Fit]) -> Fit:
+    """The explanation that an explanation with a form more is made from."""
+    others = set(fit.hypothesis) - {(one.form.id, one.side)}
+    return next(base for base in bases if set(base.hypothesis) == others)
+
+
+def _ended(
+    problem: Problem,
+    known: Mapping[str, Effect],
+    judged: Sequence[tuple[HeldOutScore, Fit, FormCandidate]],
+    quick: bool,
+) -> list[list[tuple[FormCandidate, HeldOutScore]]]:
+    """Forms to choose from, with what each leaves: first all, and where the evidence is against the one that leaves
+    least, those alone which it is for.
+
+    A curve with wrong ends may leave little of held-out runs and yet have evidence against it: one that ends before a
+    jump makes most of what is missing, and errs wherever the rest is. Its ends are moved before that decides.
+
+    Parameters
+    ----------
+    judged : rough fits, the explanation without the form, and the form, those that leave least first.
+    """
+    good = [each for each in judged if each[0].fit.score < each[1].score][: FITTED[quick]]
+    problem.follow_angles(True)
+    fits = [fitted(problem, rough.fit, known, one) for rough, _, one in good]
+    problem.follow_angles(False)
+    # What the likelihood ends in may leave more of runs left out than what the rough fit came to.
+    ended = [
+        (one, HeldOutScore.of(problem, renewed(problem, fit)) if fit is not rough.fit else rough)
+        for (rough, base, one), converged in zip(good, fits, strict=True)
+        for fit in (rough.fit, converged)
+        if fit.score < base.score
+    ]
+    others = [(one, rough) for rough, base, one in judged if rough.fit.score >= base.score]
+    least = min((best.gap for _, best in ended), default=np.inf)
+    wrong_ends = [pair for pair in others if pair[1].gap < least][:1]
+    return [each for each in ([*ended, *wrong_ends] if wrong_ends else [], ended) if each]
 
 
 def rivals(
@@ -210,48 +258,6 @@ def _smallest_residual(ended: Sequence[tuple[FormCandidate, HeldOutScore]]) -> t
     return candidate, best
 
 
-def _renewed(problem: Problem, fit: Fit) -> Fit:
-    """A fit with the residuals that it has where nothing follows measured angles."""
-    return replace(fit, residual=problem.residual(fit.model(problem)))
-
-
-def _with_form(problem: Problem, fit: Fit, known: Mapping[str, Effect], one: FormCandidate) -> Fitter:
-    """What fits an explanation with one form more."""
-    fitter = Fitter(problem, fit.start)
-    fitter.effects = {**known, one.form.id: one.form.effect()}
-    return fitter
-
-
-def _roughly(
-    problem: Problem, known: Mapping[str, Effect], by_form: Sequence[Slopes], tried: Sequence[tuple[Fit, FormCandidate]]
-) -> list[Fit]:
-    """Explanations with one form more each, fitted with the derivatives that the screening had, a replay a step."""
-    of = {one.form: one for one in by_form}
-    works = []
-    for base, one in tried:
-        cause = one.form.id, one.side
-        hypothesis, start = joined({**base.parts, cause: one.start})
-        works.append(
-            _with_form(problem, base, known, one).fitting(
-                hypothesis,
-                start,
-                base.z,
-                base.noise,
-                ROUGH_STEPS,
-                {**base.columns, cause: of[one.form].of(one.side)},
-                by_nuisance=base.by_nuisance,
-                least=ROUGH_GAIN,
-            )
-        )
-    return side_by_side(problem, works)
-
-
-def _fitted(problem: Problem, fit: Fit, known: Mapping[str, Effect], one: FormCandidate) -> Fit:
-    """An explanation that has a form already, all parameters fitted together."""
-    fitter = _with_form(problem, fit, known, one)
-    return fitter.fit(fit.hypothesis, fit.u, fit.z, fit.noise, STEPS, by_nuisance=fit.by_nuisance)
-
-
 def drop_superseded(problem: Problem, found: Found, lacking: Mapping[Cause, Fit]) -> None:
     """Take back named effects that help no more once the curves are there, the most needless one first.
 
@@ -285,16 +291,6 @@ def drop_superseded(problem: Problem, found: Found, lacking: Mapping[Cause, Fit]
     found.superseded = [cause for cause in named if cause not in found.fit.hypothesis]
 
 
-def without(problem: Problem, fit: Fit, cause: Cause) -> Fit:
-    """An explanation without one of its effects, the others fitted again with the derivatives that they have."""
-    parts = {one: u for one, u in fit.parts.items() if one != cause}
-    known = {one: columns for one, columns in fit.columns.items() if one != cause}
-    fitter = Fitter(problem, fit.start)
-    fitter.effects = fit.effects
-    hypothesis, start = joined(parts)
-    return fitter.fit(hypothesis, start, fit.z, fit.noise, STEPS, known, by_nuisance=fit.by_nuisance, least=ROUGH_GAIN)
-
-
 def _again(problem: Problem, found: Found, cause: Cause) -> Fit:
     """An explanation with an effect that it had before there were curves, all fitted with the derivatives there are."""
     before, now = found.judged[0].fit, found.fit
@@ -326,28 +322,6 @@ def _made_by_curves(found: Found, cause: Cause, most: float) -> np.ndarray | Non
     way, *_ = np.linalg.lstsq(curves, change, rcond=1e-6)
     missed = np.square(change - curves @ way).sum()
     return way if missed <= most * np.square(change).sum() else None
-
-
-def _derived(problem: Problem, fit: Fit, known: Mapping[str, Effect], one: FormCandidate) -> Fit:
-    """An explanation that has a form, with derivatives at its own values: a rough fit has those of the screening, of
-    which intervals would be rough."""
-    problem.follow_angles(True)
-    (found,) = side_by_side(problem, [_with_form(problem, fit, known, one).derived(fit)])
-    problem.follow_angles(False)
-    return found
-
-
-def _side_by_side(problem: Problem, known: Mapping[str, Effect], fit: Fit, tried: Sequence[FormCandidate]) -> list[Fit]:
-    """Explanations that have a form already, fitted with the form as given, all parameters together."""
-    problem.follow_angles(True)
-    works = []
-    for one in tried:
-        hypothesis, start = joined({**fit.parts, (one.form.id, one.side): one.start})
-        fitter = _with_form(problem, fit, known, one)
-        works.append(fitter.fitting(hypothesis, start, fit.z, fit.noise, STEPS, by_nuisance=fit.by_nuisance))
-    fits = side_by_side(problem, works)
-    problem.follow_angles(False)
-    return [_renewed(problem, one) for one in fits]
 
 
 def _named(problem: Problem, now: HeldOutScore, judged: HeldOutScore, candidate: FormCandidate) -> str | None:
