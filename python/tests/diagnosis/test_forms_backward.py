@@ -1,10 +1,12 @@
-"""Forms that a later form makes needless are dropped, and those that are still supported stay."""
+"""Which forms are chosen: by moved ends, next to earlier ones, and next to later ones."""
+
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from diagnosis_cases import make_case
 
-from rtds_host.diagnosis.choice import NO_GAP, HeldOutScore
+from rtds_host.diagnosis.choice import HeldOutScore
 from rtds_host.diagnosis.fit import Fit, Fitter, joined
 from rtds_host.diagnosis.forms import search
 from rtds_host.diagnosis.forms.backward import eliminated, supported
@@ -111,4 +113,27 @@ def test_the_search_ends_with_the_form_that_makes_its_first_one_needless(stand_i
     assert len(stand_in_first) == 2
     assert [(form.term, form.over, side) for form, side in found.forms] == [("torque", "th", "both")]
     assert [len(one.fit.hypothesis) for one in found.judged] == [0, 1]
-    assert found.judged[-1].residual_power == pytest.approx(NO_GAP)
+    assert found.judged[-1].gap <= search.LEAST_GAP
+
+
+def tried(form: Form, gap: float, score: float) -> tuple:
+    """A rough fit with a form, the explanation without it, whose score is 0, and the form."""
+    rough = SimpleNamespace(gap=gap, fit=SimpleNamespace(score=score))
+    return rough, SimpleNamespace(score=0.0), SimpleNamespace(form=form)
+
+
+def test_a_form_with_evidence_against_its_ends_competes_until_they_are_moved(monkeypatch):
+    """The evidence is asked again once they are, and without it those are chosen from that have it."""
+    monkeypatch.setattr(search, "fitted", lambda problem, fit, known, one: fit)
+    problem = SimpleNamespace(follow_angles=lambda on: None)
+    reading = Form("current_sensor", "i", -0.03, 0.03, 0.01)
+    against, good = tried(reading, 2.1, 300.0), tried(OVER_COMMAND, 2.6, -20.0)
+    monkeypatch.setattr(search.HeldOutScore, "of", lambda problem, fit: good[0])
+
+    def gaps(judged):
+        return [[best.gap for _, best in pool] for pool in search.choices(problem, {}, judged, True)]
+
+    assert [pool[-1] for pool in gaps([against, good])] == [2.1, 2.6]
+    assert gaps([against]) == [[2.1]]
+    # One that leaves more of held-out runs than those which have evidence for them is of no use.
+    assert [set(pool) for pool in gaps([good, tried(reading, 2.7, 300.0)])] == [{2.6}]

@@ -28,8 +28,8 @@ from rtds_host.diagnosis.report.words import OVER_WORDS, TERM_WORDS
 from rtds_host.diagnosis.thresholds import MAJORITY, MINOR_SHARE
 from rtds_host.plant import forms as plant
 
-# What counts as a gap (contract, section 4). An explanation's score is never below it (`choice.NO_GAP`), so only what
-# is above by more than rounding leaves anything to look for.
+# What counts as a gap (contract, section 4). Nothing below it distinguishes explanations (`choice`), so only what is
+# above by more than rounding leaves anything to look for.
 LEAST_GAP = (1.0 + 1e-9) * gaps.LEAST
 # Numerical: forms of each screening that are fitted roughly at each turn, in a narrow search and in a wide one; how
 # many of these to convergence.
@@ -160,7 +160,7 @@ def _next(
     ]
     judged.sort(key=lambda each: each[0].gap)
     reaches = {form.over: max(each.high for each in forms if each.over == form.over) for form in forms}
-    for ended in _ended(problem, known, judged, quick):
+    for ended in choices(problem, known, judged, quick):
         candidate, best = _smallest_residual(ended)
         if pooled(best, now) <= GAINS:
             fits, reach = partial(side_by_side_with, problem, known, best.fit), reaches[candidate.form.over]
@@ -189,7 +189,7 @@ def _base(fit: Fit, one: FormCandidate, bases: Sequence[Fit]) -> Fit:
     return next(base for base in bases if set(base.hypothesis) == others)
 
 
-def _ended(
+def choices(
     problem: Problem,
     known: Mapping[str, Effect],
     judged: Sequence[tuple[HeldOutScore, Fit, FormCandidate]],
