@@ -6,6 +6,7 @@ It holds nothing that an answer depends on: what a model's replay is follows fro
 from __future__ import annotations
 
 import functools
+import math
 from collections import deque
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -22,7 +23,7 @@ from rtds_host.diagnosis.residual import Comparison, RunData, run_residual
 # Numerical: what a step of a replay alone takes, one where lanes wait for each other's free play, and whitening a
 # residual, in steps of one in a batch.
 ALONE, WAITING, WHITENED = 8.0, 3.0, 0.35
-# Numerical: into how many shares the runs of a model that goes alone are parted, for all cores.
+# Numerical: into how many shares the runs of models that go alone are parted, for all cores.
 SHARES = 8
 # Numerical: starts whose inputs are kept: the one that is searched, and those that it is compared with.
 STARTS_KEPT = 4
@@ -61,7 +62,9 @@ class Replayer:
         if not batch.worth([models[k] for k in batched], self.threads):
             batched = []
         alone = sorted(set(range(len(models))) - set(batched))
-        shares = np.array_split(np.arange(len(runs)), min(len(runs), SHARES)) if alone else []
+        # Few models keep all cores busy by parts of their runs.
+        parts = math.ceil(SHARES / len(alone)) if alone and self.threads > 1 else 1
+        shares = np.array_split(np.arange(len(runs)), min(len(runs), parts)) if alone else []
         compared = self._compared(batch, runs) if alone else None
         jobs = deque(
             functools.partial(
