@@ -87,3 +87,29 @@ def test_names_and_sizes_do_not_depend_on_the_declared_noise_while_a_gap_is_left
     assert gap["after"] > 2.0 < scaled["after"] and sizes
     assert others == pytest.approx(sizes, rel=1e-5)
     assert scaled["after"] * times == pytest.approx(gap["after"], rel=0.01)
+
+
+def smooth(case, decay=0.8, seed=5):
+    """A case whose speeds have noise of the declared size that a filter has smoothed."""
+    rng, sigma = np.random.default_rng(seed), case.robot.noise("w_l")
+
+    def filtered(t, columns):
+        for channel in ("w_l", "w_r"):
+            steps = rng.normal(0.0, np.sqrt(1.0 - decay**2) * sigma, len(t))
+            noise = np.zeros(len(t))
+            for k in range(1, len(t)):
+                noise[k] = decay * noise[k - 1] + steps[k]
+            columns[channel] = columns[channel] + noise
+
+    return changed(case, filtered)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.05])
+def test_smooth_noise_of_the_declared_size_is_no_gap_and_adds_no_name(friction):
+    """A low pass leaves noise that differences of samples hardly show: the declared one explains what is left."""
+    case = make_case(lambda m: m.add("coulomb", friction, (0,)), seconds=8.0)
+    quiet = replace(case, robot=replace(case.robot, sensors=case.robot.sensors | {"w_rad_s": 0.06}))
+    case = smooth(quiet)
+    assert examine(case).noise_ratio < 0.9
+    found, _ = diagnose(case, quick=True, threads=1)
+    assert [(e["id"], e["side"]) for e in found["effects"]] == ([("coulomb_friction", "left")] if friction else [])
