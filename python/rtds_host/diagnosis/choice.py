@@ -57,8 +57,8 @@ class HeldOutScore:
 
     @classmethod
     def in_sample(cls, problem: Problem, fit: Fit) -> HeldOutScore:
-        """The score that a fit would have if no run had been held out: a lower bound but for chance, at a tenth of the
-        cost.
+        """The score that a fit would have if no run had been held out: a lower bound but for chance, at a fraction
+        of the cost.
         """
         return cls._of_parts(problem, fit, as_fitted(problem, fit))
 

@@ -66,8 +66,8 @@ def test_no_step_goes_beyond_the_budget(linear):
 
 
 def test_explanations_that_are_not_scored_could_not_have_been_chosen(linear, monkeypatch):
-    """The in-sample score, a tenth of the cost, says which explanations held-out runs cannot choose: with all of them
-    scored the choice is the same."""
+    """The in-sample score says which explanations held-out runs cannot choose: with all of them scored the choice is
+    the same."""
     one = selection(linear, {GAIN: {"ratio": 1.2}}).stepwise()[1]
     monkeypatch.setattr(Selection, "could_be_chosen", lambda *_: True)
     other = selection(linear, {GAIN: {"ratio": 1.2}}).stepwise()[1]
