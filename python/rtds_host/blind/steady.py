@@ -8,13 +8,16 @@ Two answers have the same names where each effect that counts in the one is name
 indistinguishable from a named one, and the other way round. Which effects count:
 
 - noise: all, where both answers leave a gap above 2. Below that the noise does say how much can be seen.
-- halves: those whose `gap_without` is 1.5 or more.
+- halves: those that both halves can show. In each, the gap without the effect is at least 1.5 times the gap with it;
+  in the half that names it by the answer's own `gap_without`, in the other half by a fit of the same effects there.
+  So the names are counted, not the cases.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import math
 import shutil
 import sys
 from pathlib import Path
@@ -23,22 +26,26 @@ from rtds_host.blind.hard import with_noise
 from rtds_host.blind.score import ASKED_GAP, LARGEST_SET, wilson
 from rtds_host.blind.seal import diagnoser_command
 from rtds_host.cleanup import run_supervised, temporary_folder
+from rtds_host.contract.output import write_atomic
 from rtds_host.errors import InputError
 
 LEFT_GAP = 2.0
 NOISE = (1 / 3, 0.5, 2.0, 3.0)
+SHOWER = [sys.executable, "-m", "rtds_host.diagnosis.shown"]
 
 Cause = tuple[str, str]
 
 
-def named(answer: dict, least: float = 0.0) -> set[Cause]:
-    """Effects that an answer names, those whose absence leaves a gap of `least` or more."""
+def named(answer: dict) -> set[Cause]:
+    """Effects that an answer names."""
+    return {(effect["id"], effect["side"]) for effect in answer["effects"]}
+
+
+def seen(answer: dict) -> set[Cause]:
+    """Effects without which an answer leaves at least `ASKED_GAP` times its gap, or that of noise if it is larger."""
+    least = ASKED_GAP * max(answer["gap"]["after"], 1.0)
     # An effect without that figure was named for another reason, so it counts.
-    return {
-        (effect["id"], effect["side"])
-        for effect in answer["effects"]
-        if (effect.get("gap_without") or float("inf")) >= least
-    }
+    return {(e["id"], e["side"]) for e in answer["effects"] if (e.get("gap_without") or math.inf) >= least}
 
 
 def said(answer: dict) -> set[Cause]:
@@ -48,11 +55,11 @@ def said(answer: dict) -> set[Cause]:
     return names.union(*(group for group in sets if len(group) <= LARGEST_SET and group & names))
 
 
-def same(one: dict | None, other: dict | None, least: float = 0.0) -> bool | None:
+def same(one: dict | None, other: dict | None) -> bool | None:
     """Whether two answers have the same names, see above; None where one is missing."""
     if one is None or other is None:
         return None
-    return named(one, least) <= said(other) and named(other, least) <= said(one)
+    return named(one) <= said(other) and named(other) <= said(one)
 
 
 def scaled(case: Path, target: Path, factor: float) -> Path:
@@ -120,12 +127,36 @@ def noise_of(case: Path, factors: list[float], out: Path, command: list[str]) ->
     return result
 
 
-def halves_of(case: Path, out: Path, command: list[str]) -> bool | None:
-    """Whether both halves of a case's runs give the same names; None where one gives no answer."""
+def shown(case: Path, out: Path, command: list[str], timeout_s: float = 900.0) -> set[Cause]:
+    """Effects of the diagnosis in `out` that the runs of another case show: without one they leave at least
+    `ASKED_GAP` times the gap, or that of noise if it is larger. No effect where the case's machine cannot have them.
+
+    Parameters
+    ----------
+    command : prints the gap with and without each effect; the case and the diagnosis come behind it.
+    """
+    kept = out / "shown.json"
+    if not kept.is_file():
+        with temporary_folder() as scratch:
+            ended = run_supervised([*command, str(case), str(out / "diagnosis.json")], timeout_s, scratch)
+        write_atomic(kept, ended.stdout if ended.returncode == 0 else "{}")
+    found = {tuple(cause.split()): pair for cause, pair in json.loads(kept.read_text()).items()}
+    return {cause for cause, (gap, without) in found.items() if without >= ASKED_GAP * max(gap, 1.0)}
+
+
+def halves_of(case: Path, out: Path, command: list[str], shower: list[str]) -> list[bool]:
+    """For each name that both halves of a case's runs can show, whether the other half names or declares it."""
     parts = [answered(case, lambda a, b, which=k: half(a, b, which), out / f"half-{k}", command) for k in (0, 1)]
-    verdict = same(parts[0], parts[1], ASKED_GAP)
-    print(f"{case.name}: halves: {_names(parts[0])}; {_names(parts[1])}: {verdict}", flush=True)
-    return verdict
+    verdicts = []
+    with temporary_folder() as scratch:
+        for k, (one, other) in enumerate([parts, parts[::-1]]):
+            if one is None or other is None:
+                continue
+            there = half(case, scratch / f"half-{1 - k}", 1 - k)
+            asked = seen(one) and seen(one) & shown(there, out / f"half-{k}", shower)
+            verdicts += [cause in said(other) for cause in sorted(asked)]
+    print(f"{case.name}: halves: {_names(parts[0])}; {_names(parts[1])}: {sum(verdicts)}/{len(verdicts)}", flush=True)
+    return verdicts
 
 
 def main(argv: list[str] | None = None) -> None:
@@ -136,20 +167,16 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("--noise", type=float, action="append", help="factor on [sensors]; default 1/3, 1/2, 2, 3")
     parser.add_argument("--halves", action="store_true", help="compare halves of the runs in place of noises")
     args = parser.parse_args(argv)
-    command = diagnoser_command(True, 1)
+    command, out = diagnoser_command(True, 1), args.out.resolve()
     hits: dict[str, list[bool]] = {}
     try:
         for case in args.cases:
             if args.halves:
-                found = {"halves": halves_of(case, args.out / case.name, command)}
-            else:
-                found = {
-                    f"noise × {factor:.3g}": verdict
-                    for factor, verdict in noise_of(case, args.noise or list(NOISE), args.out / case.name, command)
-                }
-            for title, verdict in found.items():
+                hits.setdefault("names of halves", []).extend(halves_of(case, out / case.name, command, SHOWER))
+                continue
+            for factor, verdict in noise_of(case, args.noise or list(NOISE), out / case.name, command):
                 if verdict is not None:
-                    hits.setdefault(title, []).append(verdict)
+                    hits.setdefault(f"noise × {factor:.3g}", []).append(verdict)
     except InputError as error:
         sys.exit(f"{error}")
     for title, values in hits.items():

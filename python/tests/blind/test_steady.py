@@ -40,8 +40,10 @@ def test_names_are_the_same_where_each_is_named_or_declared_in_the_other():
 
 
 def test_effects_that_hardly_matter_are_not_asked_of_the_other_half():
-    assert steady.same(answer("gyro_bias", without=1.2), answer(), least=1.5)
-    assert not steady.same(answer("gyro_bias", without=1.6), answer(), least=1.5)
+    """An effect counts where its absence leaves 1.5 times what is left with it."""
+    assert steady.seen(answer("gyro_bias", left=1.0, without=1.6)) == {("gyro_bias", "both")}
+    assert steady.seen(answer("gyro_bias", left=0.5, without=1.4)) == set()
+    assert steady.seen(answer("gyro_bias", left=3.0, without=4.4)) == set()
 
 
 def test_copies_differ_in_noise_or_in_runs_alone(case, tmp_path):
@@ -79,3 +81,29 @@ def test_the_tool_counts_and_goes_on_where_it_stopped(case, tmp_path, monkeypatc
     assert "noise × 3: 0/1" in capsys.readouterr().out
     kept = json.loads((tmp_path / "out" / "case" / "noise-3" / "diagnosis.json").read_text())
     assert kept["effects"][0]["id"] == "gyro_gain"
+
+
+def halves(case, tmp_path, monkeypatch, capsys, gaps):
+    """The last line of the tool where the half with run b names nothing, and these gaps are its with and without the
+    gain that the other half names.
+    """
+    diagnoser, shower = tmp_path / "diagnoser.py", tmp_path / "shower.py"
+    diagnoser.write_text(
+        "import json, sys\nfrom pathlib import Path\n"
+        f"named = {answer('gyro_gain')!r}, {answer()!r}\n"
+        "out = Path(sys.argv[3])\nout.mkdir(parents=True)\n"
+        "(out / 'diagnosis.json').write_text(json.dumps(named[(Path(sys.argv[1]) / 'b').is_dir()]))\n"
+    )
+    shower.write_text(f"import json\nprint(json.dumps({{'gyro_gain both': {gaps!r}}}))\n")
+    monkeypatch.setattr(steady, "diagnoser_command", lambda quick, threads: [sys.executable, str(diagnoser)])
+    monkeypatch.setattr(steady, "SHOWER", [sys.executable, str(shower)])
+    steady.main([str(case), "--out", str(tmp_path / "out"), "--halves"])
+    return capsys.readouterr().out.splitlines()[-1]
+
+
+def test_a_name_is_asked_of_the_other_half_where_its_runs_show_the_effect(case, tmp_path, monkeypatch, capsys):
+    assert halves(case, tmp_path, monkeypatch, capsys, [2.0, 4.0]).startswith("names of halves: 0/1")
+
+
+def test_a_name_is_not_asked_of_the_other_half_where_its_runs_hardly_show_it(case, tmp_path, monkeypatch, capsys):
+    assert halves(case, tmp_path, monkeypatch, capsys, [2.0, 2.5]).startswith("names of halves: 0/0")

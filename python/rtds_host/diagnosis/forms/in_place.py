@@ -27,10 +27,8 @@ from rtds_host.diagnosis.forms.screen import screened, slopes
 from rtds_host.diagnosis.forms.search import values_of
 from rtds_host.diagnosis.gate import examine
 from rtds_host.diagnosis.problem import Problem
+from rtds_host.diagnosis.shown import STEPS, fit_of
 from rtds_host.errors import InputError, RtdsError
-
-# Numerical: steps of a fit.
-STEPS = 12
 
 
 @dataclass(frozen=True)
@@ -94,27 +92,6 @@ def in_place(problem: Problem, fit: Fit, name: str) -> InPlace:
     hypothesis, start = joined({**bare.parts, (candidate.form.id, candidate.side): candidate.start})
     curved = fitter.fit(hypothesis, start, bare.z, bare.noise, STEPS)
     return InPlace(candidate.form, candidate.side, named, HeldOutScore.of(problem, curved))
-
-
-def fit_of(problem: Problem, diagnosis: dict[str, Any]) -> Fit:
-    """The explanation of a diagnosis of this program, fitted again from its values.
-
-    Raises
-    ------
-    InputError : an effect that this machine's catalogue does not have.
-    """
-    parts = {}
-    for entry in diagnosis["effects"]:
-        effect = problem.effects.get(entry["id"])
-        if effect is None:
-            raise InputError(f"{entry['id']}: this machine has no such effect")
-        side = "both" if problem.robot.axis is not None or not effect.sided else entry["side"]
-        scaled = []
-        for p in effect.parameters:
-            name, _, unit = p.reported(problem.robot.axis)
-            scaled.append(p.scaled(entry["parameters"][name]["value"] / unit))
-        parts[effect.id, side] = np.array(scaled)
-    return Fitter(problem).fit(*joined(parts), np.zeros(len(problem.nuisances)), problem.white(), STEPS)
 
 
 def main(
