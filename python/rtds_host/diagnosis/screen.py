@@ -263,6 +263,28 @@ class Screen:
         ]
         return sorted(result, key=lambda c: -c.gain)
 
+    def maxima(self) -> list[Candidate]:
+        """Of each rough effect on each side the sizes at which its predicted gain has a local maximum, largest first.
+
+        What a resonance does in phase at one stiffness it does out of phase a little beyond. Next to other things that
+        are missing no stiffness may be in phase, and the gain is negative at its maximum, too.
+        """
+        found = []
+        lines: dict[tuple[tuple[str, str], tuple], list[tuple[float, int]]] = {}
+        for k, s in enumerate(self.signatures):
+            if self.effects[s.effect].rough and not clashes((s.effect, s.side), self.taken):
+                (_, size), *shape = s.values
+                lines.setdefault(((s.effect, s.side), tuple(shape)), []).append((size, k))
+        for (cause, _), line in lines.items():
+            places = [k for _, k in sorted(line)]
+            gains = np.array([-np.inf, *(self._part(k)[1] for k in places), -np.inf])
+            found += [
+                Candidate(cause, gain, self._sized(k, 1.0))
+                for k, before, gain, after in zip(places, gains, gains[1:], gains[2:])
+                if gain > max(before, after)
+            ]
+        return sorted(found, key=lambda c: -c.gain)
+
     def pairs(self, causes: Sequence[tuple[str, str]]) -> list[tuple[float, Candidate, Candidate]]:
         """Pairs of effects with their predicted gain together, largest first; of `causes`, (effect, side), those that
         one size describes.

@@ -7,8 +7,12 @@ everything. A beam keeps several explanations of each number of effects, and hel
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
+import numpy as np
+
+from rtds_host.diagnosis.effects.base import Effect
 from rtds_host.diagnosis.fit import Fit, Proposal
 from rtds_host.diagnosis.screen import Screen, clashes, sensitivities_of
 from rtds_host.diagnosis.search.driver import Search
@@ -19,8 +23,11 @@ from rtds_host.diagnosis.search.store import Store
 # Numerical: explanations that are kept of each number of effects, those that are fitted to convergence, the most
 # effects, and the effects of each screening that are tried on each explanation, of an axis and of a robot, whose sides
 # triple them.
-WIDTH, CONVERGED, DEPTH = 4, 12, 3
+WIDTH, CONVERGED, DEPTH = 3, 8, 3
 TRIED = {True: 12, False: 5}
+# Numerical: factor between the sizes at which a rough effect of an axis is looked at, a seventh of a resonance's
+# frequency, and how many maxima of its gain are tried.
+FINE, MAXIMA = 1.3, 3
 
 
 def widened(search: Search) -> dict[int, list[Fit]]:
@@ -55,27 +62,60 @@ def widened(search: Search) -> dict[int, list[Fit]]:
 
 
 def _extended(search: Search, beam: list[Fit]) -> list[Fit]:
-    """The most probable explanations with one effect more than those of the beam, fitted to convergence."""
+    """The most probable explanations with one effect more than those of the beam, fitted to convergence.
+
+    Of those that differ by effects that are confused with each other the most probable one: four kinds of friction
+    would fill the beam, and leave nothing else in it.
+    """
     proposals = []
     for fit in beam:
         if search.limits.search_over_budget():
             break
         proposals += additions(search, fit, screenings(search, fit)(fit))
-    return most_probable(search.store, proposals, WIDTH)
+    beams: list[Fit] = []
+    for fit in most_probable(search.store, proposals, CONVERGED):
+        if not any(confused(search.store, fit, other) for other in beams):
+            beams.append(fit)
+    return beams[:WIDTH]
 
 
 def screenings(search: Search, fit: Fit) -> Callable[[Fit], list[Screen]]:
     """Screens of this fit and of others, by signatures that are taken next to this one."""
     problem, store = search.problem, search.store
     wanted = {e for e in store.wanted if not store.effects[e].periodic}
-    sensitivities = sensitivities_of(store.fitter, fit, {}, wanted, {}, coarse=search.quick)
+    extra = {}
+    if problem.robot.axis is not None:
+        rough = [store.effects[e] for e in sorted(wanted) if store.effects[e].rough]
+        extra = {(effect.id, side): _fine_sizes(effect) for effect in rough for side in ("left", "both")}
+    sensitivities = sensitivities_of(store.fitter, fit, extra, wanted, {}, coarse=search.quick)
     return lambda of: [Screen(problem, of, sensitivities, noise) for noise in (of.noise, problem.white())]
 
 
 def additions(search: Search, fit: Fit, screens: Sequence[Screen]) -> list[Proposal]:
     """The explanation with one of the effects more that its screens rank first."""
-    candidates = ranked(search.store, screens, TRIED[search.problem.robot.axis is not None])
-    return [with_candidate(search.store, fit, c) for c in candidates if not clashes(c.cause, fit.hypothesis)]
+    is_axis = search.problem.robot.axis is not None
+    candidates = ranked(search.store, screens, TRIED[is_axis])
+    found = [with_candidate(search.store, fit, c) for c in candidates if not clashes(c.cause, fit.hypothesis)]
+    for screen in screens if is_axis else ():
+        found += [fit.proposal({c.cause: c.start}) for c in screen.maxima()[:MAXIMA]]
+    return found
+
+
+def _fine_sizes(effect: Effect) -> list[dict[str, float]]:
+    """A rough effect's sizes between its first and its last start, `FINE` apart, with the first starts of its shape."""
+    size, *shape = effect.parameters
+    count = 1 + math.ceil(math.log(size.starts[-1] / size.starts[0]) / math.log(FINE))
+    sizes = np.geomspace(size.starts[0], size.starts[-1], count)
+    return [{size.name: float(value), **{p.name: p.starts[0] for p in shape}} for value in sizes]
+
+
+def confused(store: Store, one: Fit, other: Fit) -> bool:
+    """Whether two explanations differ by one effect that is confused with another."""
+    mine, others = set(one.hypothesis) - set(other.hypothesis), set(other.hypothesis) - set(one.hypothesis)
+    if len(mine) != 1 or len(others) != 1:
+        return False
+    ((a, _),), ((b, _),) = mine, others
+    return a == b or a in store.effects[b].confused_with or b in store.effects[a].confused_with
 
 
 def most_probable(store: Store, proposals: Sequence[Proposal], count: int) -> list[Fit]:

@@ -1,0 +1,74 @@
+"""The beam's starts for resonances, and what it keeps."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from axis_machine import NOISE, write_axis_case
+
+from rtds_host.contract import Case, read_case
+from rtds_host.diagnosis.problem import Problem
+from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
+from rtds_host.diagnosis.search.beam import additions, confused, screenings
+from rtds_host.diagnosis.search.driver import Search
+from rtds_host.plant.schema import OUTPUT_INDEX
+
+SPRING, DELAY = ("gear_compliance", "left"), ("command_delay", "both")
+STIFFNESS = 8.0
+
+
+def rung(case: Case) -> Case:
+    """The case's runs with a spring in the gear that rings, and commands that act 20 ms late."""
+    model = nominal_model(case.robot)
+    model.add("stiffness", STIFFNESS)
+    model.add("damping", 1e-3)
+    model.add("command_delay", 0.02)
+    rng, runs = np.random.default_rng(5), []
+    for log in case.runs:
+        out = replay_run(model, run_inputs(log, case.robot))
+        seen = {
+            channel: out[:, OUTPUT_INDEX[channel]] + noise * rng.standard_normal(len(log.t))
+            for channel, noise in (("w_l", NOISE["w_rad_s"]), ("th_l", NOISE["th_rad"]))
+        }
+        runs.append(replace(log, columns={**log.columns, **seen}))
+    return replace(case, runs=tuple(runs))
+
+
+@pytest.fixture(scope="module")
+def search(tmp_path_factory):
+    folder = write_axis_case(tmp_path_factory.mktemp("beam") / "case", "inertia", "torque", seconds=2.0)
+    return Search(Problem(rung(read_case(folder)), 1), quick=True)
+
+
+def test_a_resonance_is_tried_at_its_stiffness_though_alone_it_is_out_of_phase(search):
+    """With the delay missing, a spring of the right stiffness rings out of phase: by the likelihood no size of it
+    promises a gain.
+    """
+    nothing = search.begin()
+    screens = screenings(search, nothing)(nothing)[:1]
+    promised = [one.gain for screen in screens for one in screen.candidates() if one.cause == SPRING]
+    assert max(promised) < 0.0
+    tried = [one for one in additions(search, nothing, screens) if one.hypothesis == (SPRING,)]
+    stiffness = search.store.effects[SPRING[0]].parameters[0]
+    assert any(stiffness.value(one.u[0]) == pytest.approx(STIFFNESS, rel=0.3) for one in tried)
+
+
+def test_explanations_that_differ_by_effects_confused_with_each_other_are_one_in_the_beam(search):
+    nothing = search.begin()
+    effects = search.store.effects
+
+    def one(*causes):
+        parts = {
+            cause: effects[cause[0]].scaled({p.name: p.starts[0] for p in effects[cause[0]].parameters})
+            for cause in causes
+        }
+        return search.store.try_fit(*nothing.proposal(parts)[:2], nothing, rough=True)
+
+    coulomb, load, gain = (
+        one(("coulomb_friction", "left")),
+        one(("load_friction", "left")),
+        one(("driver_gain", "left")),
+    )
+    assert confused(search.store, coulomb, load)
+    assert not confused(search.store, coulomb, gain)
+    assert not confused(search.store, coulomb, one(("coulomb_friction", "left"), ("driver_gain", "left")))
