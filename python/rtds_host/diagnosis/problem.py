@@ -68,6 +68,7 @@ class Problem:
         self.replayer = Replayer(case.robot, threads)
         self._runs_by_start: dict[tuple[Start, bool], tuple[list[RunData], list[RunData]]] = {}
         self._follow = False
+        self._nuisanced: tuple[tuple[bytes, Start], Model] | None = None
         lasted = sum(float(log.t[-1] - log.t[0]) for log in case.runs)
         coarsest = max(float(np.median(np.diff(log.t))) for log in case.runs)
         self.block_s = min(gaps.WINDOW_S, max(lasted / LEAST_BLOCKS, ROWS_A_BLOCK * coarsest))
@@ -430,8 +431,14 @@ class Problem:
         return self.replayer.gap(model, [data for data, _ in self.judged(model.start)])
 
     def with_nuisances(self, z: np.ndarray, start: Start) -> Model:
-        """The nominal model with nuisances z (in units of their prior's sigma), whose runs begin as `start` says."""
-        model = self.nominal.with_start(start)
-        for value, nuisance in zip(z, self.nuisances):
-            nuisance.apply(model, float(value))
-        return model
+        """The nominal model with nuisances z (in units of their prior's sigma), whose runs begin as `start` says.
+
+        The last one is kept, since the derivatives by effects ask for it again and again. Callers change a copy of it.
+        """
+        key = z.tobytes(), start
+        if self._nuisanced is None or self._nuisanced[0] != key:
+            model = self.nominal.with_start(start)
+            for value, nuisance in zip(z, self.nuisances):
+                nuisance.apply(model, float(value))
+            self._nuisanced = key, model
+        return self._nuisanced[1]

@@ -71,7 +71,7 @@ class Model:
     def _entry(self, name: str, sides: tuple[int, ...]) -> tuple[np.ndarray, Any]:
         """Where an entry is, of the given sides if it has sides: the array and the place in it."""
         if name in SIDE_INDEX:
-            return self.side, (list(sides), SIDE_INDEX[name])
+            return self.side, (slice(sides[0], sides[-1] + 1), SIDE_INDEX[name])
         return self.common, COMMON_INDEX[name]
 
     def scale(self, name: str, factor: float, sides: tuple[int, ...] = (0, 1)) -> None:
@@ -158,7 +158,7 @@ class Model:
         return bool(common[index["axis"]] == 0.0 and common[index["mode"]] == 0.0)
 
     def _has(self, *names: str) -> bool:
-        return bool((self.side[:, [SIDE_INDEX[name] for name in names]] != 0).any())
+        return any(self.side[0, k] != 0 or self.side[1, k] != 0 for k in map(SIDE_INDEX.__getitem__, names))
 
 
 def nominal_model(robot: Robot) -> Model:
