@@ -7,6 +7,7 @@ everything. A beam keeps several explanations of each number of effects, and hel
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 
@@ -23,7 +24,7 @@ from rtds_host.diagnosis.search.store import Store
 # Numerical: explanations that are kept of each number of effects, those that are fitted to convergence, the most
 # effects, and the effects of each screening that are tried on each explanation, of an axis and of a robot, whose sides
 # triple them.
-WIDTH, CONVERGED, DEPTH = 3, 8, 3
+WIDTH, CONVERGED, DEPTH = 4, 12, 3
 TRIED = {True: 12, False: 5}
 # Numerical: factor between the sizes at which a rough effect of an axis is looked at, a seventh of a resonance's
 # frequency, and how many maxima of its gain are tried.
@@ -64,19 +65,18 @@ def widened(search: Search) -> dict[int, list[Fit]]:
 def _extended(search: Search, beam: list[Fit]) -> list[Fit]:
     """The most probable explanations with one effect more than those of the beam, fitted to convergence.
 
-    Of those that differ by effects that are confused with each other the most probable one: four kinds of friction
-    would fill the beam, and leave nothing else in it.
+    `WIDTH` of them and, of an axis, the next one that differs by more than an effect that is confused with another:
+    four kinds of friction may fill the beam, and would leave nothing else in it.
     """
     proposals = []
     for fit in beam:
         if search.limits.search_over_budget():
             break
         proposals += additions(search, fit, screenings(search, fit)(fit))
-    beams: list[Fit] = []
-    for fit in most_probable(search.store, proposals, CONVERGED):
-        if not any(confused(search.store, fit, other) for other in beams):
-            beams.append(fit)
-    return beams[:WIDTH]
+    found = most_probable(search.store, proposals, CONVERGED)
+    kept = found[:WIDTH]
+    different = (fit for fit in found[WIDTH:] if not any(confused(search.store, fit, other) for other in kept))
+    return [*kept, *itertools.islice(different, int(search.problem.robot.axis is not None))]
 
 
 def screenings(search: Search, fit: Fit) -> Callable[[Fit], list[Screen]]:

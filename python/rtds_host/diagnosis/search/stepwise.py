@@ -21,7 +21,7 @@ from rtds_host.diagnosis.search.moves import exchanging, removing, renaming
 
 # Numerical: most steps; explanations by additions, and by exchanges, that held-out runs judge at each step; effects of
 # each screening that are tried in exchange for one, of an axis (True) and of a robot (False).
-STEPS, JUDGED, EXCHANGED = 3, 4, {True: 4, False: 2}
+STEPS, JUDGED, EXCHANGED = 3, 6, {True: 4, False: 2}
 
 
 class Selection:
