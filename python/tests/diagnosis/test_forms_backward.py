@@ -137,3 +137,16 @@ def test_a_form_with_evidence_against_its_ends_competes_until_they_are_moved(mon
     assert gaps([against]) == [[2.1]]
     # One that leaves more of held-out runs than those which have evidence for them is of no use.
     assert [set(pool) for pool in gaps([good, tried(reading, 2.7, 300.0)])] == [{2.6}]
+
+
+def test_evidence_is_compared_by_the_likelihood_of_each_where_the_explanation_is_one_by_plain_squares():
+    """The explanation without effects is fitted by plain squares, whose cost is many times that of a likelihood."""
+    problem, _ = case_of(bent_command)
+    white = problem.white()
+    plain = Fitter(problem).fit((), np.empty(0), np.zeros(len(problem.nuisances)), white, fixed=True)
+    assert plain.noise.root is None
+    found = search.searched(problem, plain, True)
+    first = found.judged[0].fit
+    assert first.noise.root is not None
+    assert first.noise.cost(first.residual) == pytest.approx(white.estimated(plain.residual).cost(plain.residual))
+    assert found.forms[0][0].term == "voltage" and found.fit.score < first.score

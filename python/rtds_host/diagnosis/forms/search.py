@@ -66,6 +66,10 @@ def searched(problem: Problem, fit: Fit, quick: bool, lacking: Mapping[Cause, Fi
         it supersedes the effect. Effects that are not in here do not.
     """
     began = problem.work
+    if fit.noise.root is None:
+        # Fitted by plain squares, as the explanation without effects is: its evidence is compared with that of fits by
+        # the likelihood that its residual has.
+        fit = replace(fit, noise=problem.white().estimated(fit.residual))
     found = Found([HeldOutScore.of(problem, fit)])
     known: dict[str, Effect] = dict(fit.effects)
     lacking = lacking or {}
