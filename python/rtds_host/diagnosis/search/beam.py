@@ -86,13 +86,15 @@ def screenings(search: Search, fit: Fit) -> Callable[[Fit], list[Screen]]:
     extra = {}
     if problem.robot.axis is not None:
         rough = [store.effects[e] for e in sorted(wanted) if store.effects[e].rough]
-        extra = {(effect.id, side): _fine_sizes(effect) for effect in rough for side in ("left", "both")}
+        extra = {(effect.id, "left"): _fine_sizes(effect) for effect in rough}
     sensitivities = sensitivities_of(store.fitter, fit, extra, wanted, {}, coarse=search.quick)
     return lambda of: [Screen(problem, of, sensitivities, noise) for noise in (of.noise, problem.white())]
 
 
 def additions(search: Search, fit: Fit, screens: Sequence[Screen]) -> list[Proposal]:
-    """The explanation with one of the effects more that its screens rank first."""
+    """The explanation with one of the effects more that its screens rank first, and of an axis with a rough one at each
+    maximum of its predicted gain.
+    """
     is_axis = search.problem.robot.axis is not None
     candidates = ranked(search.store, screens, TRIED[is_axis])
     found = [with_candidate(search.store, fit, c) for c in candidates if not clashes(c.cause, fit.hypothesis)]
