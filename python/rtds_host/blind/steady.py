@@ -134,11 +134,17 @@ def shown(case: Path, out: Path, command: list[str], timeout_s: float = 900.0) -
     Parameters
     ----------
     command : prints the gap with and without each effect; the case and the diagnosis come behind it.
+
+    Raises
+    ------
+    InputError : the command failed by itself; only status 2 says that the case cannot have the effects.
     """
     kept = out / "shown.json"
     if not kept.is_file():
         with temporary_folder() as scratch:
             ended = run_supervised([*command, str(case), str(out / "diagnosis.json")], timeout_s, scratch)
+        if ended.returncode not in (0, 2):
+            raise InputError(f"{case}: {command[-1]} ended with status {ended.returncode}")
         write_atomic(kept, ended.stdout if ended.returncode == 0 else "{}")
     found = {tuple(cause.split()): pair for cause, pair in json.loads(kept.read_text()).items()}
     return {cause for cause, (gap, without) in found.items() if without >= ASKED_GAP * max(gap, 1.0)}

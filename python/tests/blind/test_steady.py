@@ -107,3 +107,17 @@ def test_a_name_is_asked_of_the_other_half_where_its_runs_show_the_effect(case, 
 
 def test_a_name_is_not_asked_of_the_other_half_where_its_runs_hardly_show_it(case, tmp_path, monkeypatch, capsys):
     assert halves(case, tmp_path, monkeypatch, capsys, [2.0, 2.5]).startswith("names of halves: 0/0")
+
+
+def test_a_tool_that_fails_is_no_half_that_shows_nothing(tmp_path):
+    """Status 2 says that the machine cannot have the effects; any other failure is none of the case's."""
+    for status, name in ((2, "refused"), (3, "broken")):
+        script = tmp_path / f"{name}.py"
+        script.write_text(f"import sys\nsys.exit({status})\n")
+        out = tmp_path / name
+        out.mkdir()
+        if status == 2:
+            assert steady.shown(tmp_path, out, [sys.executable, str(script)]) == set()
+        else:
+            with pytest.raises(InputError, match="status 3"):
+                steady.shown(tmp_path, out, [sys.executable, str(script)])
