@@ -30,10 +30,16 @@ NEIGHBOURS, PHASES = (-0.08, -0.05, -0.03, -0.02, -0.01, 0.0, 0.01, 0.02, 0.03, 
 
 @dataclass(frozen=True)
 class Spectrum:
-    """Power (n,), in units of white noise's mean, over cycles a turn (n,)."""
+    """Power (n,), in units of white noise's mean, over cycles a turn (n,); turns: by which the wheel turned."""
 
     cycles: np.ndarray
     power: np.ndarray
+    turns: float
+
+    def unresolved(self) -> set[float]:
+        """Cycles a turn of which the wheel made one at most, each twice the last: a spectrum has no line for these."""
+        count = 1 + math.floor(math.log2(1.0 / self.turns)) if 0.0 < self.turns <= 1.0 else 0
+        return {2.0**n for n in range(count) if 2.0**n <= MOST_CYCLES}
 
 
 def _channels(problem: Problem, suffix: str) -> list[str]:
@@ -84,6 +90,7 @@ def spectra(problem: Problem, outs: list[np.ndarray]) -> dict[str, Spectrum]:
         return {}
     low = min(float(angle.min()) for angle in angles)
     span = max(float(angle.max()) for angle in angles) - low
+    turns = span / (2.0 * math.pi)
     # A turn at least: of less, the number of cycles means nothing.
     span = max(span, 2.0 * math.pi)
     count = min(2 ** math.ceil(math.log2(LINES * span / (2.0 * math.pi) * BINS * MOST_CYCLES)), LONGEST)
@@ -98,9 +105,9 @@ def spectra(problem: Problem, outs: list[np.ndarray]) -> dict[str, Spectrum]:
     for name, series in sides.items():
         powers = [_power(angle - low, value, width, count)[shown] for angle, value in series]
         if powers:
-            result[name] = Spectrum(cycles[shown], np.mean(powers, axis=0))
+            result[name] = Spectrum(cycles[shown], np.mean(powers, axis=0), turns)
     if len(result) == 2:
-        result["both"] = Spectrum(cycles[shown], 0.5 * (result["left"].power + result["right"].power))
+        result["both"] = Spectrum(cycles[shown], 0.5 * (result["left"].power + result["right"].power), turns)
     return result
 
 
@@ -143,11 +150,15 @@ def neighbours(values: dict[str, float], angle: float) -> list[dict[str, float]]
 def starts(
     problem: Problem, outs: list[np.ndarray], effects: Iterable[str], peaks: int = 2
 ) -> dict[tuple[str, str], list[dict]]:
-    """Parameter sets of periodic effects for the screening, by (effect, side): each peak with two phases."""
+    """Parameter sets of periodic effects for the screening, by (effect, side): each peak and each number of cycles
+    that is too small for one, with two phases.
+    """
     found: dict[str, set[float]] = {"left": set(), "right": set()}
     lines = spectra(problem, outs)
     for name, spectrum in lines.items():
         power = spectrum.power.copy()
+        for side in ("left", "right") if name == "both" else (name,):
+            found[side] |= spectrum.unresolved()
         for _ in range(peaks):
             k = int(np.argmax(power))
             if power[k] < LEAST_POWER:

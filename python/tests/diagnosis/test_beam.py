@@ -1,4 +1,4 @@
-"""The beam's starts for resonances, and what it keeps."""
+"""The beam's starts for resonances and ripples, and what it keeps."""
 
 from dataclasses import replace
 
@@ -11,18 +11,18 @@ from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.search.beam import additions, confused, screenings
 from rtds_host.diagnosis.search.driver import Search
+from rtds_host.diagnosis.search.screening import periodic_starts
 from rtds_host.plant.schema import OUTPUT_INDEX
 
-SPRING, DELAY = ("gear_compliance", "left"), ("command_delay", "both")
+SPRING, DELAY, RIPPLE = ("gear_compliance", "left"), ("command_delay", "both"), ("torque_ripple", "left")
 STIFFNESS = 8.0
 
 
-def rung(case: Case) -> Case:
-    """The case's runs with a spring in the gear that rings, and commands that act 20 ms late."""
+def altered(case: Case, **quantities: float) -> Case:
+    """The case's runs by a machine that has these quantities more."""
     model = nominal_model(case.robot)
-    model.add("stiffness", STIFFNESS)
-    model.add("damping", 1e-3)
-    model.add("command_delay", 0.02)
+    for name, value in quantities.items():
+        model.add(name, value)
     rng, runs = np.random.default_rng(5), []
     for log in case.runs:
         out = replay_run(model, run_inputs(log, case.robot))
@@ -37,7 +37,9 @@ def rung(case: Case) -> Case:
 @pytest.fixture(scope="module")
 def search(tmp_path_factory):
     folder = write_axis_case(tmp_path_factory.mktemp("beam") / "case", "inertia", "torque", seconds=2.0)
-    return Search(Problem(rung(read_case(folder)), 1), quick=True)
+    # A spring in the gear that rings, and commands that act 20 ms late.
+    rung = altered(read_case(folder), stiffness=STIFFNESS, damping=1e-3, command_delay=0.02)
+    return Search(Problem(rung, 1), quick=True)
 
 
 def test_a_resonance_is_tried_at_its_stiffness_though_alone_it_is_out_of_phase(search):
@@ -51,6 +53,19 @@ def test_a_resonance_is_tried_at_its_stiffness_though_alone_it_is_out_of_phase(s
     tried = [one for one in additions(search, nothing, screens) if one.hypothesis == (SPRING,)]
     stiffness = search.store.effects[SPRING[0]].parameters[0]
     assert any(stiffness.value(one.u[0]) == pytest.approx(STIFFNESS, rel=0.3) for one in tried)
+
+
+def test_a_ripple_of_which_runs_show_less_than_a_cycle_is_tried(tmp_path):
+    """Over a part of a turn no spectrum has a line at the right number of cycles."""
+    case = read_case(write_axis_case(tmp_path / "case", "inertia", "torque", seconds=2.0))
+    short = [replace(log, columns={**log.columns, "v_cmd_l": 0.03 * log.columns["v_cmd_l"]}) for log in case.runs]
+    rippled = altered(replace(case, runs=tuple(short)), ripple=0.001, ripple_cycles=3.0, ripple_phase=0.5)
+    assert 0.1 < np.ptp([log.columns["th_l"] for log in rippled.runs]) / (2.0 * np.pi) < 1.0 / 3.0
+    search = Search(Problem(rippled, 1), quick=True)
+    nothing = search.begin()
+    starts = periodic_starts(search.store, nothing)[RIPPLE]
+    assert {1.0, 2.0, 4.0} < {one["cycles_per_rev"] for one in starts}
+    assert any(one.hypothesis == (RIPPLE,) for one in additions(search, nothing, screenings(search, nothing)(nothing)))
 
 
 def test_explanations_that_differ_by_effects_confused_with_each_other_are_one_in_the_beam(search):

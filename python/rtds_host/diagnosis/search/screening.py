@@ -51,8 +51,7 @@ class Screening:
         """
         problem = store.problem
         periodic = [effect.id for effect in store.effects.values() if effect.periodic]
-        sought = [effect for effect in periodic if effect in store.wanted]
-        extra = ripple.starts(problem, problem.replay(fit.model(problem)), sought) if sought else {}
+        extra = periodic_starts(store, fit)
         before: Sequence[Screen | None] = (None, self.last)
         known: dict[Signature, np.ndarray] = {}
         if self.slow is not None and self.last is not None:
@@ -67,6 +66,12 @@ class Screening:
         noises = fit.noise, problem.white()
         screens = [Screen(problem, fit, signatures, *by) for by in zip(noises, before, strict=True)]
         return screens, replace(self, last=screens[1], slow=slow)
+
+
+def periodic_starts(store: Store, fit: Fit) -> dict[tuple[str, str], list[dict]]:
+    """Parameter sets of periodic effects to take signatures at, by (effect, side), from what a fit leaves."""
+    sought = [e for e in sorted(store.wanted) if store.effects[e].periodic]
+    return ripple.starts(store.problem, store.problem.replay(fit.model(store.problem)), sought) if sought else {}
 
 
 def ranked(store: Store, screens: Iterable[Screen], count: int) -> list[Candidate]:
