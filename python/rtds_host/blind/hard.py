@@ -7,8 +7,10 @@ two seconds; the others are longer axes and robots.
 
 How hard a case is, is measured. The nearest machine that the catalogue can make (constants, the forms' nearest effects,
 the drawn effects) is fitted to the noise-free truth by least squares in the gap's own measure. The sensors' noise is
-then chosen so that this best fit leaves a gap of 2 to 10. An effect matters where the same fit without it leaves as
-much again (in squares) as what is left anyway; so does a form, without its nearest effects.
+then chosen so that this best fit leaves a gap of 2 to 10. An effect matters where a machine without it, fitted as well,
+leaves as much again (in squares) as what is left anyway; so does a form, without its nearest effects. But a form's
+nearest effect may stand for another form: a delay of the commands for a moving mean of the speed. So the form's own
+change of the truth, less what all other knobs make up for, must be as large, too.
 """
 
 from __future__ import annotations
@@ -39,7 +41,7 @@ ROUNDS = 40
 TRIES, SIZES = 20, 5  # effects that are looked at on a machine, sizes of one of them
 MATTERS = 1.0  # an effect matters where leaving it out adds so many times the square of what is left
 LARGEST = 30.0  # times what is left: an effect beyond that hides all else
-FIT_ROUNDS = 2
+FIT_ROUNDS, LEAST_ROUNDS = 2, 6  # of a fit, while machines are drawn and where it decides what is asked
 # Ratios of constants that the file declares to be loose are calibrated and no cause (contract, section 2).
 CALIBRATED = (
     "resistance_error",
@@ -192,21 +194,19 @@ class Nearest:
     effects: list[dict]
     knobs: list[Knob]
 
-    def machine(self, at: np.ndarray, without: str = "") -> planar.Machine:
-        """The machine at a setting; `without`: leave out this effect, or this form's nearest effects."""
+    def machine(self, at: np.ndarray) -> planar.Machine:
+        """The machine at a setting."""
         machine = planar.nominal_machine(self.robot)
         planar.put_ratios(machine, self.ratios, self.robot)
         for effect in self.effects:
-            if effect["id"] != without:
-                turned = iter([at[j] for j, knob in enumerate(self.knobs) if knob.cause == effect["id"]])
-                numbers = {
-                    name: value * math.exp(next(turned)) if name in _continuous(effect) else value
-                    for name, value in effect["parameters"].items()
-                }
-                planar.apply_effect(machine, {**effect, "parameters": numbers})
+            turned = iter([at[j] for j, knob in enumerate(self.knobs) if knob.cause == effect["id"]])
+            numbers = {
+                name: value * math.exp(next(turned)) if name in _continuous(effect) else value
+                for name, value in effect["parameters"].items()
+            }
+            planar.apply_effect(machine, {**effect, "parameters": numbers})
         for j, knob in enumerate(self.knobs):
-            if knob.cause == "" or knob.cause != without:
-                knob.turn(machine, math.exp(at[j]))
+            knob.turn(machine, math.exp(at[j]))
         return machine
 
 
@@ -301,16 +301,21 @@ class Fit:
         return float(np.sum((change - self.slopes @ way) ** 2))
 
 
-def fitted(model: Nearest, errors: Callable[[planar.Machine], np.ndarray], at: np.ndarray | None = None) -> Fit:
+def fitted(
+    model: Nearest,
+    errors: Callable[[planar.Machine], np.ndarray],
+    at: np.ndarray | None = None,
+    rounds: int = FIT_ROUNDS,
+) -> Fit:
     """Fit a nearest machine by damped Gauss-Newton steps, from a setting on or from where its knobs start.
 
     Parameters
     ----------
-    errors : machine -> residuals whose sum of squares is to be small.
+    errors : machine -> residuals whose sum of squares is to be small. rounds : most steps.
     """
     at = np.zeros(len(model.knobs)) if at is None else at
     now = errors(model.machine(at))
-    for _ in range(FIT_ROUNDS):
+    for _ in range(rounds):
         slopes = _slopes(model, errors, at, now)
         at, now, better = _step(model, errors, at, now, slopes)
         if not better:
@@ -319,14 +324,26 @@ def fitted(model: Nearest, errors: Callable[[planar.Machine], np.ndarray], at: n
 
 
 def without(model: Nearest, errors: Callable[[planar.Machine], np.ndarray], fit: Fit, cause: str) -> float:
-    """Sum of squares that is left without a cause, the others fitted again along the slopes of the whole fit."""
-    others = fit.slopes * np.array([knob.cause != cause for knob in model.knobs])
-    at, now = fit.at, errors(model.machine(fit.at, cause))
-    for _ in range(2):
-        at, now, better = _step(model, errors, at, now, others, cause)
+    """Sum of squares that is left without a cause, all others fitted again.
+
+    Steps along the slopes of the whole fit lead to where that fit starts, since next to a missing cause the slopes may
+    be next to nothing.
+    """
+    kept = [j for j, knob in enumerate(model.knobs) if knob.cause != cause]
+    effects = [effect for effect in model.effects if effect["id"] != cause]
+    less = Nearest(model.robot, model.ratios, effects, [model.knobs[j] for j in kept])
+    at, now = fit.at[kept], errors(less.machine(fit.at[kept]))
+    for _ in range(FIT_ROUNDS):
+        at, now, better = _step(less, errors, at, now, fit.slopes[:, kept])
         if not better:
             break
-    return float(now @ now)
+    return fitted(less, errors, at, LEAST_ROUNDS).left
+
+
+def own_change(model: Nearest, fit: Fit, change: np.ndarray, cause: str) -> float:
+    """Sum of squares of a cause's own change of the residuals that no knob of the others makes up for."""
+    kept = [j for j, knob in enumerate(model.knobs) if knob.cause != cause]
+    return Fit(fit.at[kept], fit.errors, fit.slopes[:, kept]).apart(change)
 
 
 def _slopes(model: Nearest, errors, at: np.ndarray, now: np.ndarray) -> np.ndarray:
@@ -339,7 +356,7 @@ def _slopes(model: Nearest, errors, at: np.ndarray, now: np.ndarray) -> np.ndarr
 
 
 def _step(
-    model: Nearest, errors, at: np.ndarray, now: np.ndarray, slopes: np.ndarray, cause: str = ""
+    model: Nearest, errors, at: np.ndarray, now: np.ndarray, slopes: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, bool]:
     """One damped step, shortened until it helps: new setting, its residuals, and whether it helped by 3 per cent."""
     gram = slopes.T @ slopes
@@ -347,7 +364,7 @@ def _step(
     way = np.clip(-np.linalg.solve(gram + held, slopes.T @ now), -FARTHEST, FARTHEST)
     for part in (1.0, 0.3, 0.1):
         place = at + part * way
-        there = errors(model.machine(place, cause))
+        there = errors(model.machine(place))
         if there @ there < now @ now:
             return place, there, bool(there @ there < 0.97 * (now @ now))
     return at, now, False
@@ -449,7 +466,7 @@ def _measured(rng: np.random.Generator, robot, spec: dict) -> bool:
     truth, fresh = (Truth(rng, robot, spec, spec[which]) for which in ("runs", "held_out"))
     plain = planar.build_machine(robot, {**spec, "effects": [], "forms": []}, rng)
     model = nearest(robot, spec["constants"], spec["forms"], spec["effects"])
-    fit = fitted(model, truth.errors)
+    fit = fitted(model, truth.errors, rounds=LEAST_ROUNDS)
     nominal = float(np.sum(truth.errors(planar.nominal_machine(robot)) ** 2))
     factor = math.sqrt(fit.left / (math.exp(rng.uniform(*np.log(LEFT_GAP))) ** 2 - 1.0))
     if not NOISE_FACTOR[0] < factor < NOISE_FACTOR[1] or not 4.0 * fit.left < nominal < 1e8:
@@ -457,11 +474,14 @@ def _measured(rng: np.random.Generator, robot, spec: dict) -> bool:
     left_out = {effect["id"]: without(model, truth.errors, fit, effect["id"]) for effect in spec["effects"]}
     if min(left_out.values()) < (1.0 + MATTERS) * fit.left:
         return False
-    left_out |= {
-        form["id"]: without(model, truth.errors, fit, form["id"])
-        for form in spec["forms"]
-        if any(knob.cause == form["id"] for knob in model.knobs)
-    }
+    own = {}
+    for form in spec["forms"]:
+        if any(knob.cause == form["id"] for knob in model.knobs):
+            less = planar.build_machine(
+                robot, {**spec, "forms": [one for one in spec["forms"] if one is not form]}, rng
+            )
+            own[form["id"]] = own_change(model, fit, truth.errors(less), form["id"])
+            left_out[form["id"]] = without(model, truth.errors, fit, form["id"])
     spec["robot"] = with_noise(spec["robot"], factor)
 
     def gap(square: float) -> float:
@@ -475,7 +495,11 @@ def _measured(rng: np.random.Generator, robot, spec: dict) -> bool:
         "gap": gaps(truth, fit.left),
         "held_out_gap": gaps(fresh, float(np.sum(fresh.errors(model.machine(fit.at)) ** 2))),
         "without": {name: gap(square) for name, square in left_out.items()},
-        "asked": [name for name, square in left_out.items() if square > (1.0 + MATTERS) * fit.left],
+        "asked": [
+            name
+            for name, square in left_out.items()
+            if square > (1.0 + MATTERS) * fit.left and own.get(name, math.inf) > MATTERS * fit.left
+        ],
     }
     return True
 
@@ -485,7 +509,7 @@ def account(spec: dict) -> dict:
 
     `gap_without` is what the best fit leaves without an effect, or without a form's nearest effects, the others fitted
     again. `forms` are there in another form than a catalogue's: `names` are the effects that say so, and `matters`
-    whether leaving them out doubles what is left.
+    whether leaving them out doubles what is left, and the form itself changes as much.
     """
     left = spec["left"]
     forms = [

@@ -97,6 +97,43 @@ def test_a_fit_finds_constants_that_are_all_that_differs():
     assert again.left < 0.02 * np.sum(truth.errors(model.machine(np.zeros(len(model.knobs)))) ** 2)
 
 
+def test_a_form_whose_nearest_effect_stands_for_another_form_changes_nothing_itself():
+    """A delay of the commands takes what a filter lacks of a moving mean, where the tick itself is of no account: it is
+    a half of the log's period, and rows set the commands.
+    """
+    text, ratios = hard.loosened(np.random.default_rng(5), axis_of())
+    robot = machines.robot_of(text)
+    mean = {"id": "speed_mean", "side": "left", "parameters": {"mean_s": 0.06}}
+    tick = {"id": "sampled_commands", "side": "left", "parameters": {"tick_s": 0.001}}
+    made = {
+        "constants": ratios,
+        "tolerance": True,
+        "effects": [],
+        "outside": None,
+        "forms": [mean, tick],
+        "rate": 500.0,
+    }
+    made |= {"missing": ["i", "v_bus", "gyro_z", "pose"], "machine": "inertia", "drive": 0.8}
+    run = {"payload_kg": 0.0, "slope_rad": 0.0, "uphill_yaw_rad": 0.0, "duration": 0.8}
+    runs = [{**run, "name": "steps", "plan": 4}, {**run, "name": "prbs", "plan": 5}]
+    truth = hard.Truth(np.random.default_rng(0), robot, made, runs)
+    model = hard.nearest(robot, ratios, made["forms"], [])
+    fit = hard.fitted(model, truth.errors, rounds=hard.LEAST_ROUNDS)
+
+    def own(left: list, cause: str) -> float:
+        less = planar.build_machine(robot, {**made, "forms": left}, np.random.default_rng(0))
+        return hard.own_change(model, fit, truth.errors(less), cause)
+
+    assert (
+        hard.without(model, truth.errors, fit, "sampled_commands")
+        > 2.0 * fit.left
+        > 100.0 * own([mean], "sampled_commands")
+    )
+    assert (
+        hard.without(model, truth.errors, fit, "speed_mean") > 2.0 * fit.left and own([tick], "speed_mean") > fit.left
+    )
+
+
 def test_sensors_are_scaled_and_nothing_else():
     text = axis_of()
     louder = machines.robot_of(hard.with_noise(text, 3.0))
