@@ -80,8 +80,20 @@ def sensitivities_of(
     coarse: bool = False,
 ) -> dict[Signature, np.ndarray]:
     """Changes of the residuals about a fit, (N,) float32, by signature; `known`: those that are not replayed again."""
-    problem = fitter.problem
-    jobs = []
+    found = _changes(fitter.problem, fit, _signatures(fitter.problem, extra, wanted, coarse), known)
+    # A limit above all that is commanded changes nothing, and so says nothing of a lower one.
+    idle = {(one.effect, one.side) for one, change in found.items() if not change.any()}
+    if coarse and idle:
+        every = _signatures(fitter.problem, extra, {effect for effect, _ in idle}, False)
+        found |= _changes(fitter.problem, fit, [one for one in every if (one.effect, one.side) in idle], found)
+    return found
+
+
+def _signatures(
+    problem: Problem, extra: dict[tuple[str, str], list[dict]], wanted: set[str], coarse: bool
+) -> list[Signature]:
+    """Signatures of some effects on all their sides, at their starts and at extra parameters."""
+    found = []
     names = ("left", "right")
     for effect in available(problem):
         if effect.id not in wanted:
@@ -90,10 +102,17 @@ def sensitivities_of(
         if effect.nonlinear and len(sides) == 2:
             sides.append("both")
         for side in sides:
-            jobs += [
+            found += [
                 Signature(effect.id, side, tuple(values.items()))
                 for values in start_values(effect, coarse) + extra.get((effect.id, side), [])
             ]
+    return found
+
+
+def _changes(
+    problem: Problem, fit: Fit, jobs: Sequence[Signature], known: Mapping[Signature, np.ndarray]
+) -> dict[Signature, np.ndarray]:
+    """Changes of the residuals about a fit, (N,) float32, by signature; `known`: those that are not replayed again."""
     model = fit.model(problem)
     new = [job for job in jobs if job not in known]
     models = [apply(problem.effects, model, ((job.effect, job.side),), [dict(job.values)]) for job in new]

@@ -744,6 +744,17 @@ def test_signatures_that_are_one_and_large_promise_no_pair():
     assert all(np.isfinite(gain) for gain, *_ in screen.pairs([("driver_gain", one.side), ("speed_gain", one.side)]))
 
 
+def test_a_limit_is_tried_below_what_is_commanded():
+    """A quick screening looks at one limit alone; where this is above all commands, at the others, too."""
+    case = make_case()
+    search = Search(Problem(replace(case, runs=case.runs[:1]), 1), quick=True)
+    highest = max(np.abs(case.runs[0].columns[f"v_cmd_{side}"]).max() for side in "lr")
+    found = sensitivities_of(search.store.fitter, search.begin(), {}, {"voltage_limit"}, {}, coarse=True)
+    changed = {dict(one.values)["volts"]: bool(change.any()) for one, change in found.items()}
+    assert {limit < highest for limit in changed} == {True, False}
+    assert all(change == (limit < highest) for limit, change in changed.items())
+
+
 def uneven(model):
     """Drivers of 80 and 64 % of what is commanded."""
     model.scale("voltage_gain", 0.8, (0,))
