@@ -59,7 +59,7 @@ class Replayer:
             (k for k, model in enumerate(models) if model.batched), key=lambda k: (models[k].slow, steps[k])
         )
         batch = self.batch(runs)
-        if not batch.worth([models[k] for k in batched], self.threads):
+        if not batch.worth([models[k] for k in batched]):
             batched = []
         alone = sorted(set(range(len(models))) - set(batched))
         # Few models keep all cores busy by parts of their runs.
@@ -136,7 +136,7 @@ class Replayer:
         return self._gaps[asked]
 
     def _gap_of(self, model: Model, judged: Sequence[RunData], runs: ReplayBatch) -> float:
-        if model.batched and runs.worth([model], self.threads):
+        if model.batched and runs.worth([model]):
             (out,) = runs.replay([model])
             outs = np.split(out, runs.rows[1:-1])
         else:

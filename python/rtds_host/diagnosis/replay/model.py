@@ -409,11 +409,13 @@ class ReplayBatch:
         # The longest first: those that come last go on by themselves.
         self.order = np.argsort(-np.diff(self.rows), kind="stable")
 
-    def worth(self, models: list[Model], threads: int) -> bool:
+    def worth(self, models: list[Model]) -> bool:
         """Whether replays of some models are done sooner in a batch: how many go on at a time in the mean, with the
-        longest run's to wait for. One by one they are shared out by runs; in a batch a core has whole models, and
-        others may have none."""
-        fewest = max((model.fewest for model in models), default=math.inf) * max(threads / max(len(models), 1), 1.0)
+        longest run's to wait for.
+
+        Not by how many cores there are: a replay in a batch differs from one alone in its last digits, and of two
+        explanations that are as good as each other these would choose."""
+        fewest = max((model.fewest for model in models), default=math.inf)
         return len(models) * float(self.rows[-1]) >= fewest * max(float(np.diff(self.rows).max(initial=0)), 1.0)
 
     def replay_alone(self, model: Model, first: int, last: int, step_s: float) -> np.ndarray:
