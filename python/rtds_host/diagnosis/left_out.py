@@ -18,8 +18,9 @@ from rtds_host.diagnosis.residual import CHANNELS, RunData, run_residual
 
 # Squares of the errors of one part that was left out, by channel.
 Errors = Mapping[str, gaps.Squares]
-# Numerical: steps of a fit without a part, and for how many of its sigmas one is trusted.
-STEPS, TRUSTED = 2, 3.0
+# Numerical: steps of a fit without a part, for how many of its sigmas one is trusted, and how many make a next one
+# needless: the derivatives hold over a part of a sigma.
+STEPS, TRUSTED, SHORT = 2, 3.0, 0.25
 
 
 def left_out(problem: Problem, fit: Fit, parts: Sequence[np.ndarray]) -> list[Model]:
@@ -34,20 +35,19 @@ def left_out(problem: Problem, fit: Fit, parts: Sequence[np.ndarray]) -> list[Mo
     others = [np.ones(len(fit.residual), bool) for _ in parts]
     for other, rows in zip(others, parts, strict=True):
         other[rows] = False
-    sensitivities = [np.zeros(len(fit.free)) for _ in parts]
-    taken = [_cost(fit, fit.residual, other) for other in others]
-    best = list(sensitivities)
-    residuals = [fit.residual] * len(parts)
+    moves = [np.zeros(len(fit.free)) for _ in parts]
+    best, taken = list(moves), [_cost(fit, fit.residual, other) for other in others]
+    residuals, going = [fit.residual] * len(parts), list(range(len(parts)))
     for turn in range(STEPS):
-        sensitivities = [
-            move + _step(fit, keep, jacobian, residual, other, move, first=not turn)
-            for move, residual, other in zip(sensitivities, residuals, others, strict=True)
-        ]
-        residuals = problem.residuals([_moved(problem, fit, move) for move in sensitivities])
-        for k, (move, residual, other) in enumerate(zip(sensitivities, residuals, others, strict=True)):
-            cost = _cost(fit, residual, other)
+        steps = [_step(fit, keep, jacobian, residuals[k], others[k], moves[k], first=not turn) for k in going]
+        for k, (step, _) in zip(going, steps, strict=True):
+            moves[k] = moves[k] + step
+        found = problem.residuals([_moved(problem, fit, moves[k]) for k in going])
+        for k, residual in zip(going, found, strict=True):
+            residuals[k], cost = residual, _cost(fit, residual, others[k])
             if cost < taken[k]:
-                best[k], taken[k] = move, cost
+                best[k], taken[k] = moves[k], cost
+        going = [k for k, (_, sigmas) in zip(going, steps, strict=True) if sigmas > SHORT]
     return [_moved(problem, fit, move) for move in best]
 
 
@@ -66,9 +66,10 @@ def _step(
     others: np.ndarray,
     move: np.ndarray,
     first: bool,
-) -> np.ndarray:
+) -> tuple[np.ndarray, float]:
     """A step of all parameters, (k + p,), towards the optimum of some rows, `others` (N,) of bool, from where `move`
-    led; none where these rows do not determine it. `first`: the first one, which starts from an optimum of all rows."""
+    led, and how many sigmas it is; none where these rows do not determine it. `first`: the first one, which starts from
+    an optimum of all rows."""
     noise = fit.noise.estimated(residual)
     weight = np.ones(len(residual)) if noise.root is None else np.square(noise.root)
     at = (np.concatenate([fit.z, fit.u]) + move)[keep]
@@ -80,7 +81,7 @@ def _step(
     sigma = np.sqrt(np.diag(np.linalg.inv(hessian)))
     step = np.zeros(len(fit.free))
     step[keep] = -np.clip(np.linalg.solve(hessian, gradient), -TRUSTED * sigma, TRUSTED * sigma)
-    return step
+    return step, float((np.abs(step[keep]) / sigma).max(initial=0.0))
 
 
 def _moved(problem: Problem, fit: Fit, move: np.ndarray) -> Model:
