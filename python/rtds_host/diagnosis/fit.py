@@ -288,10 +288,16 @@ class Fitter:
             np.divide(moved, step, out=into[:, j], casting="same_kind")
         return into
 
-    def _assembled(
-        self, hypothesis: Hypothesis, known: dict[tuple[str, str], np.ndarray], new: np.ndarray
-    ) -> np.ndarray:
-        """Derivatives by all effect parameters, (N, p), from those known and new ones."""
+    def _by_effect(
+        self,
+        hypothesis: Hypothesis,
+        known: dict[tuple[str, str], np.ndarray],
+        x: np.ndarray,
+        r: np.ndarray,
+        high: np.ndarray,
+    ) -> Requesting[np.ndarray]:
+        """Derivatives by all effect parameters, (N, p): those known, and of the others new ones."""
+        new = yield from self._derivatives(hypothesis, x, r, self._missing_columns(hypothesis, known), high)
         if not known:
             return new
         columns, at = [], 0
@@ -384,6 +390,14 @@ class Fitter:
             )
         )
 
+    def _about_nominal(
+        self, hypothesis: Hypothesis, x: np.ndarray, r: np.ndarray, high: np.ndarray
+    ) -> Requesting[np.ndarray]:
+        """Derivatives (N, k) by the nuisances that all fits begin with: of the first one."""
+        if self.by_nuisance is None:
+            self.by_nuisance = yield from self._derivatives(hypothesis, x, r, range(self.count), high)
+        return self.by_nuisance
+
     def _missing_columns(self, hypothesis: Hypothesis, known: Mapping[tuple[str, str], np.ndarray]) -> list[int]:
         """Places in (z, u) of the parameters whose derivatives are not known."""
         own, at = [], self.count
@@ -434,6 +448,7 @@ class Fitter:
         by_nuisance: np.ndarray | None = None,
         least: float = STEP_GAIN,
         held: Collection[tuple[str, str]] = (),
+        chord: bool = False,
     ) -> Requesting[Fit]:
         """Fit an explanation from a start.
 
@@ -443,25 +458,24 @@ class Fitter:
         known : derivatives by the parameters of some of its effects, (N, n) each, that are not taken again: a rough
         fit, good enough to compare it with and without another effect. fixed : keep the discrepancy. by_nuisance :
         (N, k) derivatives by the nuisances to begin with, else those about the nominal robot. least : the gain of
-        a step below which it ends, in -2 log probability. held : effects that keep the parameters of the start.
+        a step below which it ends, in -2 log probability. held : effects that keep the parameters of the start. chord :
+        the start's derivatives alone (chord method), for terms that are linear in most of their parameters.
         """
-        k = self.count
-        known = known or {}
-        own = self._missing_columns(hypothesis, known)
+        k, known = self.count, known or {}
+        fresh = not known and not chord
         x, low, high = self._started(hypothesis, np.concatenate([z, start]), held)
         (r,) = yield [self.model(hypothesis, x)], None
         if by_nuisance is None:
-            if self.by_nuisance is None:
-                self.by_nuisance = yield from self._derivatives(hypothesis, x, r, range(k), high)
-            by_nuisance = self.by_nuisance
+            by_nuisance = yield from self._about_nominal(hypothesis, x, r, high)
         noise = noise if fixed else noise.estimated(r)
         now = noise.cost(r) + prior_cost(x[:k], x[k:])
         damping, since = 0.0, math.inf  # what was gained since the nuisances' derivatives were taken
         renewals = RENEWALS if len(start) else 0
         by_effect = np.empty((len(r), 0), np.float32)
         free = np.ones(len(x), bool)
-        for _ in range(iterations):
-            by_effect = self._assembled(hypothesis, known, (yield from self._derivatives(hypothesis, x, r, own, high)))
+        for turn in range(iterations):
+            if not (chord and turn):
+                by_effect = yield from self._by_effect(hypothesis, known, x, r, high)
             gradient, hessian = self._gradient_and_hessian(x, r, noise, by_nuisance, by_effect)
             free = ~(((x <= low) & (gradient > 0)) | ((x >= high) & (gradient < 0)))
             keep = np.flatnonzero(free)
@@ -471,30 +485,30 @@ class Fitter:
                 step = np.zeros(len(x))
                 step[keep] = -np.linalg.solve(damped, gradient[keep])
                 predicted = float(abs(gradient @ step))
-                trial, moved, new = yield from self._tried(hypothesis, np.clip(x + step, low, high), noise, fixed)
-                if new >= now and predicted >= enough and attempt == 0.0:
+                trial, moved, after = yield from self._tried(hypothesis, np.clip(x + step, low, high), noise, fixed)
+                if after >= now and predicted >= enough and attempt == 0.0:
                     # Along a curved valley a part of the step makes progress where damping would stop it: to the
                     # minimum of the parabola through what is known of the line.
-                    part = min(max(predicted / (new - now + 2.0 * predicted), SHORTEST), 0.5)
-                    trial, moved, new = yield from self._tried(
+                    part = min(max(predicted / (after - now + 2.0 * predicted), SHORTEST), 0.5)
+                    trial, moved, after = yield from self._tried(
                         hypothesis, np.clip(x + part * step, low, high), noise, fixed
                     )
-                if new < now:
+                if after < now:
                     x, r, damping = self._with_common_part(hypothesis, trial, low, high), moved, attempt
                     noise = noise if fixed else noise.estimated(r)
                     improved = now - noise.cost(r) - prior_cost(x[:k], x[k:])
                     break
                 # The gain of a further step is too small to matter, or the nuisances' derivatives are out of date.
-                if predicted < enough or (renewals and not known and since >= ROUGH_GAIN):
+                if predicted < enough or (renewals and fresh and since >= ROUGH_GAIN):
                     break
             if improved > 0.0:
                 # None at all where it is not needed: along a valley that tolerances alone close, any would stop it.
                 damping = DAMPINGS[max(DAMPINGS.index(damping) - 1, 0)]
                 now = noise.cost(r) + prior_cost(x[:k], x[k:])
             since += improved
-            if improved < enough and (known or not renewals or since < ROUGH_GAIN):
+            if improved < enough and (not fresh or not renewals or since < ROUGH_GAIN):
                 break
-            if improved < RENEWED and not known and renewals and since >= ROUGH_GAIN:
+            if improved < RENEWED and fresh and renewals and since >= ROUGH_GAIN:
                 # Far from where they were taken, the nuisances' derivatives point the wrong way, and hide the valley in
                 # which an effect and a tolerance of the same parameter lie.
                 by_nuisance = yield from self._derivatives(hypothesis, x, r, range(k), high)

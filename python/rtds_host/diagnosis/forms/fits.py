@@ -95,13 +95,16 @@ def derived(problem: Problem, fit: Fit) -> Fit:
 def side_by_side_with(
     problem: Problem, known: Mapping[str, Effect], fit: Fit, tried: Sequence[FormCandidate]
 ) -> list[Fit]:
-    """Explanations that have a form already, fitted with the form as given, all parameters together."""
+    """Explanations that have a form already, fitted with the form as given, all parameters together, with the
+    derivatives at their start: a curve is linear in its coefficients, and what it does nearly so."""
     problem.follow_angles(True)
     works = []
     for one in tried:
         hypothesis, start = joined({**fit.parts, (one.form.id, one.side): one.start})
         fitter = _with_form(problem, fit, known, one)
-        works.append(fitter.fitting(hypothesis, start, fit.z, fit.noise, STEPS, by_nuisance=fit.by_nuisance))
+        works.append(
+            fitter.fitting(hypothesis, start, fit.z, fit.noise, STEPS, by_nuisance=fit.by_nuisance, chord=True)
+        )
     fits = side_by_side(problem, works)
     problem.follow_angles(False)
     return [renewed(problem, one) for one in fits]

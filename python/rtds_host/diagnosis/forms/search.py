@@ -168,7 +168,10 @@ def _next(
         candidate, best = _smallest_residual(ended)
         if pooled(best, now) <= GAINS:
             fits, reach = partial(side_by_side_with, problem, known, best.fit), reaches[candidate.form.over]
+            before = candidate
             candidate, best = with_ends(problem, fits, candidate, best, reach)
+            if candidate is not before:
+                best = converged(problem, known, candidate, best)
         best = HeldOutScore.of(problem, renewed(problem, derived(problem, best.fit)))
         base = _base(best.fit, candidate, (now.fit, *lacking))
         if best.fit.score < base.score:
@@ -185,6 +188,16 @@ def _next(
     found.rivals[candidate.form.id] = rivals(ended, candidate.form, now, best)
     known[candidate.form.id] = candidate.form.effect()
     return candidate, best
+
+
+def converged(
+    problem: Problem, known: Mapping[str, Effect], candidate: FormCandidate, rough: HeldOutScore
+) -> HeldOutScore:
+    """A roughly fitted explanation with a form, fitted to convergence if that leaves less of runs left out."""
+    problem.follow_angles(True)
+    fit = fitted(problem, rough.fit, known, candidate)
+    problem.follow_angles(False)
+    return min(rough, HeldOutScore.of(problem, renewed(problem, fit)), key=lambda one: one.gap)
 
 
 def _base(fit: Fit, one: FormCandidate, bases: Sequence[Fit]) -> Fit:
