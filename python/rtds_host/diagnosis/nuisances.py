@@ -12,6 +12,7 @@ import numpy as np
 
 from rtds_host.contract import Case, Robot
 from rtds_host.diagnosis.replay.model import Model
+from rtds_host.diagnosis.thresholds import MINOR_SHARE
 
 # One sigma of the logarithm of R, K, J and B (contract, section 2).
 PRIOR = 0.01
@@ -23,14 +24,14 @@ BAND = SIGMAS * PRIOR
 LIMIT = 3.5
 # One sigma of the logarithm of a servo's declared gains (contract, section 7).
 SERVO_PRIOR = math.log(2.0)
-# Probability: the same of gains that nobody declared.
-SERVO_PRIOR_UNDECLARED = math.log(10.0)
+# The same of gains that nobody declared: what is guessed may be slight against what there is.
+SERVO_PRIOR_UNDECLARED = -math.log(MINOR_SHARE)
 # Physical: a speed command passes a bus and waits for the cycle of the board behind it, and what comes back is stamped
 # when it is read: boards and servo buses are asked 50 to 200 times a second.
 LATENCY_S = 0.01
-# Physical: controllers of robots run at 100 Hz and faster; a log whose rows are no further apart than theirs has each
+# Controllers run as fast as the boards that they ask; a log whose rows are no further apart than their cycle has each
 # command in its own row.
-CONTROLLER_S = 0.011
+CONTROLLER_S = (1.0 + MINOR_SHARE) * LATENCY_S
 # Probability: one sigma of a share that nobody declares: a servo's integral stands at the limit, or gives way by up to
 # all that the limit cuts; which, no sheet says.
 RELEASE = 0.5

@@ -13,9 +13,10 @@ import numpy as np
 
 from rtds_host.contract import GRAVITY_M_S2, Robot, RunLog
 from rtds_host.diagnosis.thresholds import FEW_SHARE
+from rtds_host.scenario.linear import SCENARIO
 
-# Physical: a run's length for what is asked of a robot without runs: that of a manoeuvre of the scenarios' menu.
-USUAL_RUN_S = 20.0
+# A run's length, s, for what is asked of a robot without runs: that of the paper's straight line.
+USUAL_RUN_S = SCENARIO.values()["duration_s"]
 
 
 # Scales that depend on how long runs last, and, where torque is commanded and no speed has a limit, on how fast they
