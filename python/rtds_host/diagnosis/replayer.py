@@ -21,8 +21,8 @@ from rtds_host.diagnosis.replay.simd import SIMD_WIDTH
 from rtds_host.diagnosis.residual import Comparison, RunData, run_residual
 
 # Numerical: what a step of a replay alone takes, one where lanes wait for each other's free play, and whitening a
-# residual, in steps of one in a batch.
-ALONE, WAITING, WHITENED = 8.0, 3.0, 0.35
+# residual, in steps of one in a batch; how much longer a step takes whose friction or bus needs its own result.
+ALONE, WAITING, WHITENED, TWICE = 8.0, 3.0, 0.35, 1.6
 # Numerical: into how many shares the runs of models that go alone are parted, for all cores.
 SHARES = 8
 # Numerical: starts whose inputs are kept: the one that is searched, and those that it is compared with.
@@ -148,7 +148,8 @@ def _taken(model: Model, step_s: float, runs: Sequence[RunData]) -> float:
     """Work that replays of all runs are: a step from row to row at the least. It depends on the model, not on how
     many cores there are.
     """
-    each = WAITING if model.waits else 1.0 if model.batched else ALONE
+    each = ALONE if not model.batched else WAITING if model.waits else 1.0
+    each *= TWICE if model.iterated else 1.0
     return each * sum(max(float(data.inputs[0][-1] - data.inputs[0][0]) / step_s, len(data.inputs[0])) for data in runs)
 
 

@@ -144,6 +144,11 @@ class Model:
         return self._has("backlash")
 
     @property
+    def iterated(self) -> bool:
+        """Whether a step is taken again with its own result, on which its friction or its bus depends."""
+        return self._has("load_share") or self.get("source_resistance") != 0.0
+
+    @property
     def fewest(self) -> float:
         """How many of its replays must go on at a time, in the mean, to be done sooner in a batch than one by one. A
         tyre's shear costs little in a batch; where lanes wait for one another's free play, much."""
