@@ -393,7 +393,7 @@ class Fitter:
     def _about_nominal(
         self, hypothesis: Hypothesis, x: np.ndarray, r: np.ndarray, high: np.ndarray
     ) -> Requesting[np.ndarray]:
-        """Derivatives (N, k) by the nuisances that all fits begin with: of the first one."""
+        """Derivatives (N, k) by the nuisances that fits begin with, taken once, where the first fit starts."""
         if self.by_nuisance is None:
             self.by_nuisance = yield from self._derivatives(hypothesis, x, r, range(self.count), high)
         return self.by_nuisance
@@ -462,7 +462,7 @@ class Fitter:
         the start's derivatives alone (chord method), for terms that are linear in most of their parameters.
         """
         k, known = self.count, known or {}
-        fresh = not known and not chord
+        fresh = not known and not chord  # whether all derivatives are taken at each step
         x, low, high = self._started(hypothesis, np.concatenate([z, start]), held)
         (r,) = yield [self.model(hypothesis, x)], None
         if by_nuisance is None:

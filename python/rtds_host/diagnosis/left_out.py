@@ -39,6 +39,8 @@ def left_out(problem: Problem, fit: Fit, parts: Sequence[np.ndarray]) -> list[Mo
     best, taken = list(moves), [_cost(fit, fit.residual, other) for other in others]
     residuals, going = [fit.residual] * len(parts), list(range(len(parts)))
     for turn in range(STEPS):
+        if not going:
+            break
         steps = [_step(fit, keep, jacobian, residuals[k], others[k], moves[k], first=not turn) for k in going]
         for k, (step, _) in zip(going, steps, strict=True):
             moves[k] = moves[k] + step

@@ -29,8 +29,8 @@ SERVO_PRIOR_UNDECLARED = -math.log(MINOR_SHARE)
 # Physical: a speed command passes a bus and waits for the cycle of the board behind it, and what comes back is stamped
 # when it is read: boards and servo buses are asked 50 to 200 times a second.
 LATENCY_S = 0.01
-# Controllers run as fast as the boards that they ask; a log whose rows are no further apart than their cycle has each
-# command in its own row.
+# A controller's cycle is about that of its boards; a log whose rows are no further apart has each command in its own
+# row.
 CONTROLLER_S = (1.0 + MINOR_SHARE) * LATENCY_S
 # Probability: one sigma of a share that nobody declares: a servo's integral stands at the limit, or gives way by up to
 # all that the limit cuts; which, no sheet says.

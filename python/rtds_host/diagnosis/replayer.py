@@ -22,7 +22,7 @@ from rtds_host.diagnosis.residual import Comparison, RunData, run_residual
 
 # Numerical: what a step of a replay alone takes, one where lanes wait for each other's free play, and whitening a
 # residual, in steps of one in a batch; how much longer a step takes whose friction or bus needs its own result.
-ALONE, WAITING, WHITENED, TWICE = 8.0, 3.0, 0.35, 1.6
+ALONE, WAITING, WHITENED, ITERATED = 8.0, 3.0, 0.35, 1.6
 # Numerical: into how many shares the runs of models that go alone are parted, for all cores.
 SHARES = 8
 # Numerical: starts whose inputs are kept: the one that is searched, and those that it is compared with.
@@ -149,7 +149,7 @@ def _taken(model: Model, step_s: float, runs: Sequence[RunData]) -> float:
     many cores there are.
     """
     each = ALONE if not model.batched else WAITING if model.waits else 1.0
-    each *= TWICE if model.iterated else 1.0
+    each *= ITERATED if model.iterated else 1.0
     return each * sum(max(float(data.inputs[0][-1] - data.inputs[0][0]) / step_s, len(data.inputs[0])) for data in runs)
 
 

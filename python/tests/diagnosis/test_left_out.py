@@ -13,7 +13,7 @@ from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.attribution import attribute
 from rtds_host.diagnosis.evidence import enough_to_include
 from rtds_host.diagnosis.fit import Fit, joined, scaled
-from rtds_host.diagnosis.left_out import left_out_gap, parted
+from rtds_host.diagnosis.left_out import left_out, left_out_gap, parted
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run
 from rtds_host.diagnosis.search.driver import Search
@@ -53,6 +53,20 @@ def test_a_run_left_out_is_predicted_as_by_a_fit_without_it():
     alone = gaps.gap(gaps.pooled(found))
     assert left_out_gap(search.problem, fit) == pytest.approx(alone, rel=0.05)
     assert search.problem.gap(fit.model(search.problem)) < alone
+
+
+@pytest.mark.parametrize("alike", [True, False])
+def test_a_second_step_without_a_run_is_taken_only_where_the_first_was_long(monkeypatch, alike):
+    """Of five runs that are one and the same any four say what all do; without the one that has a tenth of the friction
+    the others say something else.
+    """
+    case = with_frictions(0.03, 0.003)
+    runs = [replace(case.runs[0], name=f"again-{k}") for k in range(5 if alike else 4)]
+    search, fit = fitted(replace(case, runs=(*runs, *([] if alike else case.runs[1:]))), {COULOMB: {"torque_nm": 0.02}})
+    counts, replayed = [], search.problem.residuals
+    monkeypatch.setattr(search.problem, "residuals", lambda models: counts.append(len(models)) or replayed(models))
+    left_out(search.problem, fit, [rows for mine in parted(search.problem) for *_, rows in mine])
+    assert counts[0] == 5 and len(counts) == (1 if alike else 2)
 
 
 @pytest.mark.parametrize("searched", [1.0, 0.5], ids=["whole", "in stretches"])

@@ -5,9 +5,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from axis_machine import write_axis_case
 from diagnosis_cases import changed, make_case, make_run, without
 
-from rtds_host.contract import Case, builtin_robot
+from rtds_host.contract import Case, builtin_robot, read_case
 from rtds_host.diagnosis import ripple
 from rtds_host.diagnosis.attribution import attribute
 from rtds_host.diagnosis.diagnose import chosen_search, diagnose, said_of_end
@@ -899,6 +900,34 @@ def test_work_is_the_same_on_any_number_of_cores():
         problem.residuals([model])
         done.append(problem.work)
     assert done[0] == done[1] > 0.0
+
+
+def test_a_fit_by_the_starts_derivatives_ends_where_another_does_with_fewer_replays():
+    """Viscous friction is linear in its coefficient: its derivatives at the start serve to the end."""
+    search = Search(Problem(make_case(lambda m: m.add("viscous_wheel", 0.02)), 1), quick=True)
+    fitter, cause = search.store.fitter, (("viscous_friction", "both"),)
+    start, nothing = scaled(search.store.effects, cause, [{"nm_s_per_rad": 0.01}]), search.begin()
+    found = []
+    for chord in (False, True):
+        before = search.problem.work
+        work = fitter.fitting(cause, start, nothing.z, nothing.noise, by_nuisance=nothing.by_nuisance, chord=chord)
+        (fit,) = side_by_side(search.problem, [work])
+        found.append((fit.values[0]["nm_s_per_rad"], search.problem.work - before))
+    (full, full_work), (chord, chord_work) = found
+    assert chord == pytest.approx(full, rel=0.01) and full == pytest.approx(0.02, rel=0.1)
+    assert chord_work < full_work
+
+
+def test_work_counts_what_a_step_of_an_axis_takes(tmp_path):
+    """An axis' replays go one by one, with free play too; a friction by the load is found by a second pass."""
+    problem = Problem(read_case(write_axis_case(tmp_path / "case", "inertia", "voltage")), 1)
+    work = {}
+    for name, changes in {"plain": {}, "play": {"backlash": 0.01}, "load": {"load_share": 0.1}}.items():
+        model, before = problem.nominal.copy(), problem.work
+        model.declare(**changes)
+        problem.residuals([model], [model.step_s])
+        work[name] = problem.work - before
+    assert work["plain"] == work["play"] < work["load"]
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 5])

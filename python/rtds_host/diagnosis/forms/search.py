@@ -171,7 +171,7 @@ def _next(
             before = candidate
             candidate, best = with_ends(problem, fits, candidate, best, reach)
             if candidate is not before:
-                best = converged(problem, known, candidate, best)
+                best = refined(problem, known, candidate, best)
         best = HeldOutScore.of(problem, renewed(problem, derived(problem, best.fit)))
         base = _base(best.fit, candidate, (now.fit, *lacking))
         if best.fit.score < base.score:
@@ -190,7 +190,7 @@ def _next(
     return candidate, best
 
 
-def converged(
+def refined(
     problem: Problem, known: Mapping[str, Effect], candidate: FormCandidate, rough: HeldOutScore
 ) -> HeldOutScore:
     """A roughly fitted explanation with a form, fitted to convergence if that leaves less of runs left out."""
