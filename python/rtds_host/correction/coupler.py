@@ -117,7 +117,7 @@ class Coupler:
         self.state = np.zeros((2, 6))
         self.contact = layer.start_contact(self.side)
         self.elastic = (self.side[:, layer.STIFFNESS] > 0.0) | (self.side[:, layer.BACKLASH] > 0.0)
-        self.current, self.speed = np.zeros(2), np.zeros(2)
+        self.current, self.speed, self.mean_current = np.zeros(2), np.zeros(2), np.zeros(2)
         self.known = np.full(2, layer.GIVEN)
         self.offset_v = np.zeros(2)
         self.disturbance = np.zeros(2)
@@ -158,13 +158,13 @@ class Coupler:
             out[k] = min(max(out[k], -unit.limit_v), unit.limit_v)
         return out
 
-    def _schedule(self, pieces: list[Piece], by_history: list[np.ndarray]) -> np.ndarray:
+    def _schedule(self, pieces: list[Piece], by_command: list[np.ndarray]) -> np.ndarray:
         """Voltages (n, 2) at the motors for each step of the layer: those asked for, late by the command's delay.
 
-        by_history : (2,) V that each piece adds by its history.
+        by_command : (2,) V that each piece adds by its history and the heat.
         """
         start = now = self.now
-        for (volts, seconds), more in zip(pieces, by_history, strict=True):
+        for (volts, seconds), more in zip(pieces, by_command, strict=True):
             self._past.append((now, np.array(volts, dtype=float), self._bridge(volts) + more))
             now += seconds
         count = round((now - start) / LAYER_S)
@@ -194,14 +194,14 @@ class Coupler:
         total_s = sum(seconds for _, seconds in pieces)
         steps = round(total_s / STEP_S)
         start_s = self.now
-        by_history = [self.formed.history_volts(asked) for asked, _ in pieces]
-        volts = self._schedule(pieces, by_history)
+        by_command = [self.formed.command_volts(asked) for asked, _ in pieces]
+        volts = self._schedule(pieces, by_command)
         acting = self._acting(start_s, total_s, volts)
         if self.formed.any:
             volts = volts + acting.volts
             pieces = [
                 (self.formed.sent(asked, acting.volts + more), seconds)
-                for (asked, seconds), more in zip(pieces, by_history, strict=True)
+                for (asked, seconds), more in zip(pieces, by_command, strict=True)
             ]
         self.acting = acting
         scrub, outside = self.scrub + acting.scrub, self.external + acting.against
@@ -245,7 +245,7 @@ class Coupler:
             self.shortfall = np.where(self.known == layer.DRIVEN, behind, happened - predicted)
         self.load = happened
         if self.formed.any:
-            self.formed.follow_loads(happened, total_s)
+            self.formed.remember(happened, self.mean_current, total_s)
         return motion
 
     def _acting(self, start_s: float, seconds: float, volts: np.ndarray) -> Acting:
@@ -319,7 +319,7 @@ class Coupler:
             - load
             - rotor[:, layer.INERTIA] * (speed[-1] - speed[0]) / seconds
         )
-        self.current = current[-1].copy()
+        self.current, self.mean_current = current[-1].copy(), mean_i
 
     def _follow(self, motion: Motion, steps: int, spin: float, sent: np.ndarray, scrub: float) -> np.ndarray:
         """Let gear, wheels and robot follow the rotors; the mean torque (2,) that the gears delivered.

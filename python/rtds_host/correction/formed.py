@@ -56,15 +56,15 @@ class Formed:
         self.delay_s = correction.supply.command_delay_s if correction else 0.0
         if not self.any or correction is None:
             return
-        # A voltage acts when its command does, all else now. One over the command's history is known as it is asked.
+        # A voltage acts when its command does, all else now. One along the command is known as it is asked.
         volts = rows[:, :, forms.TERM] == _CODE["voltage"]
-        turns = rows[:, :, forms.OVER] == forms.OVER_CODE["command_history"]
-        self.by_history, self.late, self.prompt = rows.copy(), rows.copy(), rows.copy()
-        self.by_history[~(volts & turns)] = 0.0
-        self.late[~volts | turns] = 0.0
+        along = np.isin(rows[:, :, forms.OVER], [forms.OVER_CODE[over] for over in ("command_history", "heat")])
+        self.by_command, self.late, self.prompt = rows.copy(), rows.copy(), rows.copy()
+        self.by_command[~(volts & along)] = 0.0
+        self.late[~volts | along] = 0.0
         self.prompt[volts] = 0.0
-        # What a side remembers of commands as they are asked, and of those in force.
-        self.asked, self.past = np.zeros((2, forms.PAST)), np.zeros((2, forms.PAST))
+        # What a side remembers of commands as they are asked, and of those in force; heats are the same in both.
+        self.asked, self.past, self.rows = np.zeros((2, forms.PAST)), np.zeros((2, forms.PAST)), rows
         # What runs over the current follows it through an exchange, in which it settles.
         self.settles = bool((self.prompt[:, :, forms.OVER] == forms.OVER_CODE["i"]).any())
         self.inverse: list[tuple[np.ndarray, np.ndarray] | None] = [None, None]
@@ -114,12 +114,12 @@ class Formed:
             about[_ABOUT["t"]] = now + 0.5 * seconds
             for current, turns in zip(currents[:, k], speeds[:, k], strict=True):
                 about[forms.MEAN_I] = current
-                forms.act(self.prompt[k], about, part)
+                forms.act(self.prompt[k], about, self.past[k], part)
                 acts[k] += part / len(currents)
                 drive[k] += rotor[k, layer.KM] * part[forms.CONSTANT] * current / len(currents)
                 emf[k] += forms.back_emf(part, rotor[k, layer.KB], turns) / len(currents)
             about[_ABOUT["t"]] += self.delay_s
-            forms.act(self.late[k], about, late)
+            forms.act(self.late[k], about, self.past[k], late)
             acts[k, forms.VOLTS] = late[forms.VOLTS] + emf[k]
             drive[k] += acts[k, forms.DRIVE] - _friction_torque(
                 acts[k], rotor[k, layer.INERTIA], state[k, layer.ROTOR], seconds
@@ -128,24 +128,27 @@ class Formed:
         against = -(0.5 * self.radius * push + self.lever * turn)
         return Acting(drive, acts[:, forms.VOLTS], against, float(acts[0, forms.SCRUB]))
 
-    def history_volts(self, asked: np.ndarray) -> np.ndarray:
-        """What a command that is asked for adds by its history, (2,) V at the nominal bus; asked : (2,) V, clipped."""
+    def command_volts(self, asked: np.ndarray) -> np.ndarray:
+        """What a command that is asked for adds by its history and by the heat, (2,) V at the nominal bus; asked : (2,)
+        V, clipped."""
         more = np.zeros(2)
         if not self.any:
             return more
         about, acts = np.zeros(forms.ABOUT), np.zeros(forms.ACTS)
         for k in (0, 1):
-            forms.follow(self.by_history[k], asked[k], self.asked[k])
+            forms.follow(self.by_command[k], asked[k], self.asked[k])
             about[_ABOUT["v_cmd"]] = asked[k]
             about[_ABOUT["command_history"]] = self.asked[k, forms.DIRECTION] * abs(asked[k])
-            forms.act(self.by_history[k], about, acts)
+            forms.act(self.by_command[k], about, self.asked[k], acts)
             more[k] = acts[forms.VOLTS]
         return more
 
-    def follow_loads(self, delivered: np.ndarray, seconds: float) -> None:
-        """Follow the loads: delivered : (2,) N·m, what the gears delivered over the exchange before."""
+    def remember(self, delivered: np.ndarray, currents: np.ndarray, seconds: float) -> None:
+        """Follow loads and heats: delivered : (2,) N·m, by the gears, and currents : (2,) A, both in the mean of the
+        exchange before."""
         for k in (0, 1):
-            self.past[k, forms.GEAR_LOAD] = forms.filtered_load(self.past[k, forms.GEAR_LOAD], delivered[k], seconds)
+            forms.remember(self.rows[k], delivered[k], currents[k], seconds, self.past[k])
+        self.asked[:, forms.HEATS :] = self.past[:, forms.HEATS :]
 
     def sent(self, volts: np.ndarray, more: np.ndarray) -> np.ndarray:
         """Commands (2,) V whose bridge voltages exceed those of `volts` by `more`, V at the nominal bus."""
@@ -206,10 +209,11 @@ def _inverse(command: Curve | None, name: str) -> tuple[np.ndarray, np.ndarray]:
 
 def needs_command(rows: np.ndarray, supply: float) -> float:
     """The largest voltage, V, by which forms of a side (MOST_FORMS, WIDTH) move a command beyond the supply, V; 0 for
-    none. A back-EMF is at most about the supply."""
+    none. A back-EMF is at most about the supply, and a voltage over the heat is a share of the command."""
     sizes = np.abs(rows[:, forms.VALUES :]).max(axis=1)
     volts, constant = (rows[:, forms.TERM] == _CODE[name] for name in ("voltage", "torque_constant"))
-    return float(np.max(sizes * (volts + supply * constant)))
+    shares = volts & (rows[:, forms.OVER] == forms.OVER_CODE["heat"])
+    return float(np.max(sizes * np.where(constant | shares, supply, volts)))
 
 
 def beyond(command: Curve | None, supply: float, more: float) -> Curve:

@@ -226,7 +226,9 @@ def robot(figures: Figures, name: str, comment: str) -> Unit:
     for k, rows in enumerate(planar.rows_of(figures) or ()):
         for n, row in enumerate(rows):
             if row[forms.TERM]:
-                text = "a free curve: its term, what it runs over, ends of its grid, and values"
+                text = (
+                    "a free curve: its term, what it runs over, ends of its grid, time constant of a heat, and values"
+                )
                 member, label = f"forms[{k}][{n}]", f"{SIDES[k]}.form_{n + 1}"
                 found.append(Variable(label, "parameter", member, np.array(row), "", text, shape=(forms.WIDTH,)))
     loop = figures.loop

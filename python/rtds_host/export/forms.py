@@ -20,7 +20,8 @@ FORMS = {
 
 
 def written_forms(figures: Figures) -> list[dict]:
-    """Tables of a robot's forms: term, side, what it runs over, units of both, and points [over, value]."""
+    """Tables of a robot's forms: term, side, what it runs over, units of both, the time constant of a heat, s, and
+    points [over, value]."""
     found: list[dict] = []
     for name, rows in zip(SIDES, figures.forms, strict=True):
         for row in rows:
@@ -33,8 +34,9 @@ def written_forms(figures: Figures) -> list[dict]:
             if over in forms.PERIODIC:
                 x, y = np.append(x, high), np.append(y, y[0])
             points = [[float(f"{v:.7g}") for v in point] for point in zip(x, y, strict=True)]
-            units = [forms.OVERS[over], forms.TERMS[term]]
-            found.append({"term": term, "side": name, "over": over, "units": units, "curve": points})
+            slow = {"time_constant": float(row[forms.TAU])} if over == "heat" else {}
+            units = list(forms.units_of(term, over))
+            found.append({"term": term, "side": name, "over": over, "units": units, **slow, "curve": points})
     return found
 
 
@@ -44,6 +46,8 @@ def lines_of(entries: list[dict]) -> list[str]:
     for entry in entries:
         x_unit, y_unit = entry["units"]
         head = f"{entry['term']} ({entry['side']}), {y_unit}, over {entry['over']}, {x_unit}"
+        if entry.get("time_constant"):
+            head += f", of {entry['time_constant']:.4g} s"
         formula = entry.get("formula")
         if formula:
             sizes = ", ".join(f"{name} = {p['value']:.5g}" for name, p in (entry.get("parameters") or {}).items())

@@ -13,6 +13,7 @@ import math
 from dataclasses import replace
 from xml.sax.saxutils import quoteattr
 
+from rtds_host.correction.formed import needs_command
 from rtds_host.diagnosis.forms.curves import named
 from rtds_host.export import dcmotor, mjcf_driver, mjcf_forms
 from rtds_host.export.figures import SIDES, Figures, Side
@@ -128,14 +129,9 @@ def most_v(figures: Figures, k: int) -> float:
     side = figures.sides[k]
     if not (formed(figures, "voltage") or formed(figures, "torque_constant")) or side.voltage_gain == 0.0:
         return figures.limit_v(side)
-    rows, gain = figures.forms[k], abs(side.voltage_gain)
-    # A back-EMF is at most about the supply.
-    each = (("voltage", 1.0), ("torque_constant", figures.supply_v))
-    more = [
-        unit * abs(rows[rows[:, forms.TERM] == forms.TERM_CODE[term], forms.VALUES :]).sum(axis=0).max(initial=0.0)
-        for term, unit in each
-    ]
-    return min(figures.supply_v + float(sum(more)) / gain, side.limit_v / gain)
+    more = sum(needs_command(row[None], figures.supply_v) for row in figures.forms[k])
+    gain = abs(side.voltage_gain)
+    return min(figures.supply_v + more / gain, side.limit_v / gain)
 
 
 def _motor(figures: Figures, k: int, actuator: str) -> str:
@@ -315,13 +311,14 @@ def driver_source() -> str:
 
 def forms_source() -> str:
     """Source of the Python module that goes along with a file that has forms; it reads its numbers from the file."""
-    return alone(mjcf_forms, "class Forms:", (forms.curve, forms.branch), (form_constants(),))
+    called = forms.curve, forms.branch, forms.filtered_load, forms.warmed
+    return alone(mjcf_forms, "class Forms:", called, (form_constants(),))
 
 
 # What `Forms` uses.
 LAWS_OF_FORMS = (
-    *(forms.curve, forms.branch, forms.act, forms.back_emf, forms.follow, forms.filtered_load),
-    *(forms.reads, forms.turns_read),
+    *(forms.curve, forms.branch, forms.act, forms.back_emf, forms.follow, forms.filtered_load, forms.warmed),
+    *(forms.remember, forms.reads, forms.turns_read),
 )
 
 

@@ -7,7 +7,8 @@
     forms.readings(found, data.time)            # adds to what sensors report, by channel
 
 The curves are those of the file: custom/numeric form_left_1 and so on, each a term, what it runs over, the ends of its
-grid and its values. Torques are `qfrc_applied`, dry friction is that of the wheels' joints and of the tendon `scrub`.
+grid, the time constant of a heat, and its values. Torques are `qfrc_applied`, dry friction is that of the wheels'
+joints and of the tendon `scrub`.
 """
 
 import math
@@ -24,6 +25,7 @@ from rtds_host.plant.forms import (
     FLUID,
     FORWARD,
     GEAR_LOAD,
+    MEAN_I,
     MOST_FORMS,
     OVER_CODE,
     PAST,
@@ -35,9 +37,9 @@ from rtds_host.plant.forms import (
     VOLTS,
     act,
     back_emf,
-    filtered_load,
     follow,
     reads,
+    remember,
     turns_read,
 )
 
@@ -100,11 +102,11 @@ class Forms:
             current, self.made[k] = settled(self.rows[k], self.ohm[k], currents[k], self.made[k])
             past = self.past[k]
             follow(self.rows[k], asked[k], past)
-            if self.loaded:
-                past[GEAR_LOAD] = filtered_load(past[GEAR_LOAD], self._delivered(data, k), self.model.opt.timestep)
+            delivered = self._delivered(data, k) if self.loaded else 0.0
+            remember(self.rows[k], delivered, current, self.model.opt.timestep, past)
             about[:6] = asked[k], past[DIRECTION] * abs(asked[k]), current, turns, past[GEAR_LOAD], rate
-            about[6:9], about[14] = (angle, self.ratio * angle, speed * rate), current
-            act(self.rows[k], about, self.acts[k])
+            about[6:9], about[MEAN_I] = (angle, self.ratio * angle, speed * rate), current
+            act(self.rows[k], about, past, self.acts[k])
             self.acts[k][VOLTS] += back_emf(self.acts[k], self.emf[k], turns)
             self._load(data, k, turns, current, self.still[k] if still is None else still[k])
         push = self.acts[0][PUSH]

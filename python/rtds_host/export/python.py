@@ -23,7 +23,7 @@ PLACE = "PARAMETERS: dict = {}\n"
 # Where the template imports the plant's laws, the module has their source.
 LAWS = re.compile(r"# laws: begin\n.*# laws: end\n", re.DOTALL)
 # Laws that those of the template call.
-CALLED = (after_bridge_drop, forms.curve, forms.branch)
+CALLED = (after_bridge_drop, forms.curve, forms.branch, forms.filtered_load, forms.warmed)
 # Constants of `rtds_host.plant.forms` that its functions use.
 FORM_CONSTANTS = (
     *(
@@ -34,14 +34,15 @@ FORM_CONSTANTS = (
         "OVER",
         "LOW",
         "HIGH",
+        "TAU",
         "VALUES",
         "_LAST_BRANCH",
         "_FIRST_TURN",
         "_LAST_TURN",
     ),
     *("_TORQUE", "_VOLTAGE", "_CONSTANT", "_FORCE", "_YAW", "_GYRO"),
-    *("_V", "_HISTORY", "_I", "_W", "_LOAD", "_RATE", "_HEADING", "_TIME"),
-    *("EXTREME", "DIRECTION", "GEAR_LOAD", "PAST", "TURNS_BY", "LOAD_S"),
+    *("_V", "_HISTORY", "_I", "_W", "_LOAD", "_RATE", "_HEADING", "_TIME", "_HEAT"),
+    *("EXTREME", "DIRECTION", "GEAR_LOAD", "HEATS", "PAST", "TURNS_BY", "LOAD_S"),
     *("DRIVE", "FORWARD", "BACKWARD", "FLUID"),
     *("VOLTS", "CONSTANT", "PUSH", "TURN", "SCRUB", "ACTS", "ABOUT", "MEAN_I"),
 )

@@ -6,7 +6,7 @@ Its source goes into exported modules.
 from __future__ import annotations
 
 # laws: begin
-from rtds_host.plant.forms import OVER_CODE, TERM_CODE, reads
+from rtds_host.plant.forms import OVER_CODE, TERM_CODE, VALUES, reads
 
 V_OVER_I = TERM_CODE["voltage"], OVER_CODE["i"]
 # laws: end
@@ -20,7 +20,7 @@ def settled(rows, ohm, current, made):
     if not any(row[0] == V_OVER_I[0] and row[1] == V_OVER_I[1] for row in rows):
         return current, 0.0
     free = ohm * current - made
-    high = (abs(free) + sum(abs(value) for row in rows for value in row[4:])) / ohm
+    high = (abs(free) + sum(abs(value) for row in rows for value in row[VALUES:])) / ohm
     low = -high
     for _ in range(48):
         middle = 0.5 * (low + high)

@@ -27,6 +27,7 @@ from rtds_host.plant.forms import (
     FLUID,
     FORWARD,
     GEAR_LOAD,
+    MEAN_I,
     OVER_CODE,
     PAST,
     PUSH,
@@ -35,9 +36,9 @@ from rtds_host.plant.forms import (
     TURN,
     VOLTS,
     act,
-    filtered_load,
     follow,
     reads,
+    remember,
     turns_read,
 )
 from rtds_host.plant.friction import by_load, rolling, stribeck, viscous
@@ -205,8 +206,8 @@ class Robot:
             follow(self.forms[k], asked[k], past)
             about[:6] = asked[k], past[DIRECTION] * abs(asked[k]), current, self.w[k], past[GEAR_LOAD], rate
             about[6:9] = angle, self.p["gear_ratio"] * angle, speed * rate
-            about[9:] = speed, self.t, self.x, self.y, self.yaw, current
-            act(self.forms[k], about, self.acts[k])
+            about[9:14], about[MEAN_I] = (speed, self.t, self.x, self.y, self.yaw), current
+            act(self.forms[k], about, past, self.acts[k])
 
     def advance(self, h):
         p, w = self.p, self.w
@@ -256,7 +257,7 @@ class Robot:
             self.load[k] = max(abs(torque), abs(torque + impulses[k] / h))
             if self.forms:
                 delivered = torque + extra[k] + impulses[k] / h
-                self.past[k][GEAR_LOAD] = filtered_load(self.past[k][GEAR_LOAD], delivered, h)
+                remember(self.forms[k], delivered, current, h, self.past[k])
             tau = p["speed_filter_s"][k]
             if tau > 0.0:
                 self.filtered[k] = low_pass(self.filtered[k], new[k], w[k], h, tau, math.exp(-h / tau))

@@ -1,9 +1,9 @@
 """Forms: terms of the equations that have no name, as curves over a quantity of the replay.
 
-A form is one row of `WIDTH` numbers: which term it adds to, over which quantity, the ends of its grid, and its values
-at `POINTS` points. A robot has up to `MOST_FORMS` of them a side. Three grids serve (`BRANCHES`, `PERIODIC`, even).
-Between the points a curve is straight, beyond its ends it holds its last value. A piecewise linear curve is a spline of
-degree one: C. de Boor, "A Practical Guide to Splines", 2001, chapter 3.
+A form is one row of `WIDTH` numbers: which term it adds to, over which quantity, the ends of its grid, the time
+constant of a heat, and its values at `POINTS` points. A robot has up to `MOST_FORMS` of them a side. Three grids serve
+(`BRANCHES`, `PERIODIC`, even). Between the points a curve is straight, beyond its ends it holds its last value. A
+piecewise linear curve is a spline of degree one: C. de Boor, "A Practical Guide to Splines", 2001, chapter 3.
 """
 
 from __future__ import annotations
@@ -18,8 +18,9 @@ from rtds_host.plant.compiled import loop
 POINTS = 14
 HALF = POINTS // 2
 MOST_FORMS = 3
-# Columns of a form's row: its term, what it runs over, the ends of its grid, and its values from there on.
-TERM, OVER, LOW, HIGH, VALUES = range(5)
+# Columns of a form's row: its term, what it runs over, the ends of its grid, the time constant of its heat, s, and its
+# values from there on.
+TERM, OVER, LOW, HIGH, TAU, VALUES = range(6)
 WIDTH = VALUES + POINTS
 
 # Rows are arrays or lists: exports have the same functions in plain Python (`rtds_host.export.python`).
@@ -39,7 +40,9 @@ TERMS = {
 # What a form can run over, from 1, with its unit. `motor_angle` is the wheel's angle times the gear ratio.
 # `command_history` is the command's size, negative once it has fallen back from its last extreme; the term then acts
 # along the command. `load` is the torque that the gear delivers to the wheel; a torque over it is friction, and runs
-# over the load in the direction of motion: negative where the wheel drives the motor.
+# over the load in the direction of motion: negative where the wheel drives the motor. `heat` is the square of the
+# side's current through a filter of first order, nothing as a run begins: each form over it has a time constant of its
+# own. A voltage over it is a share of the command, and a torque over it friction.
 OVERS = {
     "v_cmd": "V",
     "command_history": "V",
@@ -55,6 +58,7 @@ OVERS = {
     "x": "m",
     "y": "m",
     "yaw": "rad",
+    "heat": "A²",
 }
 TERM_CODE = {name: k + 1 for k, name in enumerate(TERMS)}
 OVER_CODE = {name: k + 1 for k, name in enumerate(OVERS)}
@@ -68,8 +72,8 @@ _LAST_BRANCH, _FIRST_TURN, _LAST_TURN = len(BRANCHES), OVER_CODE["th"], OVER_COD
 _TORQUE, _VOLTAGE, _CONSTANT, _FORCE, _YAW = (
     TERM_CODE[name] for name in ("torque", "voltage", "torque_constant", "force", "yaw_torque")
 )
-_V, _HISTORY, _I, _W, _LOAD, _RATE, _HEADING, _TIME = (
-    OVER_CODE[name] for name in ("v_cmd", "command_history", "i", "w", "load", "yaw_rate", "yaw", "t")
+_V, _HISTORY, _I, _W, _LOAD, _RATE, _HEADING, _TIME, _HEAT = (
+    OVER_CODE[name] for name in ("v_cmd", "command_history", "i", "w", "load", "yaw_rate", "yaw", "t", "heat")
 )
 _GYRO = TERM_CODE["gyro_sensor"]
 # What the forms of a side come to in a step: torque that drives; levels of dry friction against turning forwards and
@@ -78,13 +82,13 @@ _GYRO = TERM_CODE["gyro_sensor"]
 DRIVE, FORWARD, BACKWARD, FLUID, VOLTS, CONSTANT, PUSH, TURN, SCRUB = range(9)
 ACTS = 9
 # Numerical: how many quantities a form may run over, and one more: the mean current of the step, A, which all but a
-# voltage run over. A voltage over the current is part of what makes that mean.
+# voltage run over. A voltage over the current is part of what makes that mean. Heats are what a side remembers.
 ABOUT = len(OVERS) + 1
 MEAN_I = len(OVERS)
 # What a side's forms remember: the command's last extreme, V; 1 while its size grows, -1 once it has fallen back, 0
-# before the first command; and the load, N·m.
-EXTREME, DIRECTION, GEAR_LOAD = range(3)
-PAST = 3
+# before the first command; the load, N·m; and the heat of each form, A².
+EXTREME, DIRECTION, GEAR_LOAD, HEATS = range(4)
+PAST = HEATS + MOST_FORMS
 # Share of a curve's range by which a command has to come back from an extreme to count as turned: the dither of a
 # controller is no turn.
 TURNS_BY = 0.01
@@ -96,6 +100,11 @@ LOAD_S = 0.01
 def no_forms() -> np.ndarray:
     """Rows (2, `MOST_FORMS`, `WIDTH`) of a robot without a form."""
     return np.zeros((2, MOST_FORMS, WIDTH))
+
+
+def units_of(term: str, over: str) -> tuple[str, str]:
+    """Units of what a form runs over, and of its value: a voltage over the heat is a share of the command."""
+    return OVERS[over], "1" if (term, over) == ("voltage", "heat") else TERMS[term]
 
 
 @loop
@@ -148,18 +157,20 @@ def branch(row, positive, size):
 
 
 @loop
-def act(rows, quantities, acts):
+def act(rows, quantities, past, acts):
     """What a side's forms come to.
 
     Parameters
     ----------
     rows : (MOST_FORMS, WIDTH). quantities : (ABOUT,) of this side now, in the order of `OVERS`, and the mean current.
+    past : (PAST,) what they remember.
     acts : (ACTS,) filled: torque N·m, levels of dry friction N·m, friction by speed N·m·s/rad, voltage V, relative
         torque constant, force N, torque about the vertical N·m and its part against the yaw rate N·m.
 
     A torque over the wheel's speed is dry friction with a level for each direction: it can hold a wheel. By its slope
     it also goes into the friction by speed, so that long steps stay stable. A torque over the load is dry friction,
-    too: turning forwards the load drives with one sign, turning backwards with the other.
+    too: turning forwards the load drives with one sign, turning backwards with the other. A torque over the heat is
+    dry friction that is alike in both directions.
     """
     for n in range(ACTS):
         acts[n] = 0.0
@@ -169,12 +180,17 @@ def act(rows, quantities, acts):
         if term == 0:
             continue
         x = quantities[MEAN_I if over == _I and term != _VOLTAGE else over - 1]
+        if over == _HEAT:
+            x = past[HEATS + n]
         value, slope = curve(row, x)
         if over == _HISTORY and quantities[_V - 1] < 0.0:
             value = -value
         if term == _TORQUE and over == _LOAD:
             acts[FORWARD] -= value
             acts[BACKWARD] -= curve(row, -x)[0]
+        elif term == _TORQUE and over == _HEAT:
+            acts[FORWARD] -= value
+            acts[BACKWARD] -= value
         elif term == _TORQUE and over == _W:
             ahead = value if x > 0.0 else branch(row, True, 0.0)[0]
             back = value if x < 0.0 else branch(row, False, 0.0)[0]
@@ -185,7 +201,7 @@ def act(rows, quantities, acts):
         elif term == _TORQUE:
             acts[DRIVE] += value
         elif term == _VOLTAGE:
-            acts[VOLTS] += value
+            acts[VOLTS] += value * quantities[_V - 1] if over == _HEAT else value
         elif term == _CONSTANT:
             acts[CONSTANT] += value
         elif term == _FORCE:
@@ -249,6 +265,39 @@ def filtered_load(load, torque, h):
 
 
 @loop
+def warmed(heat, current, h, tau):
+    """A heat, A², after h s at a mean current, A, with the time constant tau, s.
+
+    heat' = (current² - heat) / tau, solved exactly for an even current: one mass that takes up the loss of a resistance
+    and gives it off to its surroundings (IEC 60255-149, "Functional requirements for thermal electrical relays", 2013).
+    """
+    return heat + (current * current - heat) * (1.0 - math.exp(-h / tau))
+
+
+@loop
+def heats(t, currents, tau):
+    """Heats (n,) A² of currents (n,) A at times t (n,) s, nothing at first; tau : s."""
+    found = np.zeros(len(t))
+    for k in range(1, len(t)):
+        found[k] = warmed(found[k - 1], 0.5 * (currents[k - 1] + currents[k]), t[k] - t[k - 1], tau)
+    return found
+
+
+@loop
+def remember(rows, torque, current, h, past):
+    """Take what a side's forms remember of a step to its end.
+
+    rows : (MOST_FORMS, WIDTH); torque : N·m that the gear delivered and current : A in the mean of the step; h : s;
+    past : (PAST,), changed.
+    """
+    past[GEAR_LOAD] = filtered_load(past[GEAR_LOAD], torque, h)
+    for n in range(MOST_FORMS):
+        row = rows[n]
+        if row[TERM] != 0.0 and row[OVER] == _HEAT:
+            past[HEATS + n] = warmed(past[HEATS + n], current, h, row[TAU])
+
+
+@loop
 def reads(rows, term, over, x):
     """What a side's forms add to a sensor's reading of x, in x's unit; term, over : their codes."""
     total = 0.0
@@ -279,6 +328,7 @@ def any_of(rows):
 def holds(rows):
     """Whether a side's forms (MOST_FORMS, WIDTH) hold dry friction."""
     for n in range(MOST_FORMS):
-        if rows[n, TERM] == _TORQUE and (rows[n, OVER] == _W or rows[n, OVER] == _LOAD):
+        over = rows[n, OVER]
+        if rows[n, TERM] == _TORQUE and (over == _W or over == _LOAD or over == _HEAT):
             return True
     return False

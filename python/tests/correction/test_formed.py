@@ -24,10 +24,10 @@ TURN = plant.FULL_TURN
 
 
 def formed(*each):
-    """The nominal model with forms (term, over, low, high, law) on both sides."""
+    """The nominal model with forms (term, over, low, high, law, time constant of a heat) on both sides."""
     model = nominal_model(ROBOT)
-    for term, over, low, high, law in each:
-        put(model, (0, 1), term, over, low, high, law(points_of(over, low, high)))
+    for term, over, low, high, law, *tau in each:
+        put(model, (0, 1), term, over, low, high, law(points_of(over, low, high)), *tau)
     return model
 
 
@@ -48,6 +48,12 @@ TOGETHER = {
         ("torque", "load", -0.4, 0.4, lambda x: -0.2 * np.abs(x) + 0.1 * x),
         ("voltage", "t", 0.0, 2.0, lambda x: -0.2 * x),
     ],
+    "heat": [
+        ("voltage", "heat", 0.0, 0.03, lambda x: -10.0 * x, 0.5),
+        ("torque_constant", "heat", 0.0, 0.03, lambda x: -5.0 * x, 1.0),
+        ("torque", "heat", 0.0, 0.03, lambda x: -1.0 * x, 0.3),
+    ],
+    "warm driver": [("voltage", "heat", 0.0, 0.03, lambda x: -10.0 * x, 0.5)],
     "constant": [("torque_constant", "i", -0.3, 0.3, lambda x: -0.5 * np.abs(x))],
     "load": [("torque", "load", -0.4, 0.4, lambda x: -0.3 * np.abs(x))],
     "heading": [
@@ -140,6 +146,7 @@ IN_RTL = {
     "history": ("voltage", "command_history", -12.0, 12.0, lambda x: -0.4 * np.sign(x) - 0.03 * x),
     "load": ("torque", "load", -0.4, 0.4, lambda x: -0.3 * np.abs(x)),
     "voltage": ("voltage", "t", 0.0, 2.0, lambda x: -1.0 * x),
+    "heat": ("voltage", "heat", 0.0, 0.03, lambda x: -10.0 * x, 0.5),
     "force": ("force", "yaw", 0.0, TURN, lambda x: 3.0 * np.cos(x - 0.5)),
     "turning": ("yaw_torque", "yaw_rate", -4.0, 4.0, lambda x: -0.06 * np.sign(x) - 0.01 * x),
     "sensor": ("current_sensor", "i", -0.3, 0.3, lambda x: 0.2 * x),

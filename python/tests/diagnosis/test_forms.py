@@ -96,7 +96,7 @@ def test_a_torque_over_the_load_loses_as_friction_that_grows_with_the_load():
     rows = with_form(nominal_model(robot), "torque", "load", -0.4, 0.4, lambda x: -0.3 * np.abs(x) + 0.1 * x).forms[0]
     about, acts = np.zeros(plant.ABOUT), np.zeros(plant.ACTS)
     about[plant.OVER_CODE["load"] - 1] = 0.2
-    plant.act(rows, about, acts)
+    plant.act(rows, about, np.zeros(plant.PAST), acts)
     # Forwards the gear drives the wheel, backwards the wheel drives the gear.
     assert acts[[plant.FORWARD, plant.BACKWARD]] == pytest.approx([0.04, 0.08], rel=1e-3)
     assert not np.delete(acts, [plant.FORWARD, plant.BACKWARD]).any()
@@ -112,7 +112,7 @@ def test_a_gears_load_follows_its_torque_alike_in_steps_of_any_length():
 def ways(volts, high=10.0):
     """1 while a command grows, -1 once it has fallen back, after each of several commands."""
     rows, past, found = plant.no_forms()[0], np.zeros(plant.PAST), []
-    rows[0, : plant.VALUES] = plant.TERM_CODE["voltage"], plant.OVER_CODE["command_history"], -high, high
+    rows[0, : plant.TAU] = plant.TERM_CODE["voltage"], plant.OVER_CODE["command_history"], -high, high
     for volt in volts:
         plant.follow(rows, volt, past)
         plant.follow(rows, volt, past)
@@ -137,6 +137,7 @@ def test_replays_one_by_one_and_in_a_batch_agree_with_every_form(problem):
             low, high = (0.0, TURN) if over in plant.PERIODIC else (-3.0, 3.0)
             model = with_form(nominal_model(problem.robot), term, over, low, high, lambda x: 0.02 * np.cos(x))
             models.append(with_form(model, "torque", "w", -9.0, 9.0, lambda x: -0.01 * np.sign(x), (1,)))
+            models[-1].forms[:, :, plant.TAU] = 0.7
     batch = ReplayBatch([problem.whole[0].inputs])
     for model, out in zip(models, batch.replay(models), strict=True):
         assert np.allclose(out, replay_run(model, problem.whole[0].inputs), atol=1e-9)

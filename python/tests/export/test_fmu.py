@@ -196,12 +196,13 @@ PLANAR = {
         {"payload_kg": 0.3, "slope_rad": 0.1, "uphill_yaw_rad": 0.4},
     ),
     "history": ((), ROBOT, {}),
+    "heat": ((), ROBOT, {}),
     "servo": ((("pwm_curve", "both", {"curvature": 0.1}), ("battery_decline", "both", {"rate_v_per_s": 0.5})), SERVO,
         {}),
 }  # fmt: skip
 
 
-# Forms of some of them: term, quantity, ends of the grid, values.
+# Forms of some of them: term, quantity, ends of the grid, values. Heats follow within half a second.
 FORMS = {
     "slope": (
         ("force", "x", -0.2, 0.2, lambda x: -2.0 * x),
@@ -218,6 +219,11 @@ FORMS = {
         ("torque", "load", -0.4, 0.4, lambda x: -0.2 * np.abs(x) + 0.1 * x),
         ("force", "yaw", 0.0, 2.0 * np.pi, lambda x: 2.0 * np.cos(x - 0.5)),
     ),
+    "heat": (
+        ("voltage", "heat", 0.0, 0.02, lambda x: -25.0 * x),
+        ("torque_constant", "heat", 0.0, 0.02, lambda x: -10.0 * x),
+        ("torque", "heat", 0.0, 0.02, lambda x: -3.0 * x),
+    ),
     "servo": (
         ("gyro_sensor", "t", 0.0, 1.0, lambda x: 0.05 * x),
         ("speed_sensor", "w", -20.0, 20.0, lambda x: 0.01 * x * np.abs(x)),
@@ -231,7 +237,7 @@ def test_the_robot_fmu_goes_as_the_exported_python_module(case, tmp_path):
     effects, robot, start = PLANAR[case]
     model = model_with(*effects, robot=robot)
     for form in FORMS.get(case, ()):
-        put(model, (0, 1), *form[:-1], form[-1](points_of(*form[1:-1])))
+        put(model, (0, 1), *form[:-1], form[-1](points_of(*form[1:-1])), 0.5 if form[1] == "heat" else 0.0)
     figures = figures_of(model, robot)
     (tmp_path / "it.fmu").write_bytes(fmu.build(fmu.robot(figures, "it", "")))
     slave = Slave(tmp_path / "it.fmu", tmp_path / "unpacked", start)

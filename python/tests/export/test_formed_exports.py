@@ -42,6 +42,11 @@ SETS = {
         ("torque", "load", -0.4, 0.4, lambda x: -0.2 * np.abs(x) + 0.1 * x),
         ("torque_constant", "i", -0.3, 0.3, lambda x: -0.3 * np.abs(x)),
     ],
+    "heat": [
+        ("voltage", "heat", 0.0, 0.02, lambda x: -25.0 * x, 1.5),
+        ("torque_constant", "heat", 0.0, 0.02, lambda x: -10.0 * x, 4.0),
+        ("torque", "heat", 0.0, 0.02, lambda x: -3.0 * x, 0.8),
+    ],
     "heading": [
         ("force", "yaw", 0.0, TURN, lambda x: 2.0 * np.cos(x - 0.5)),
         ("gyro_sensor", "t", 0.0, 5.0, lambda x: 0.05 * x),
@@ -58,8 +63,8 @@ SETS = {
 def content_of(name):
     """A diagnosis without effects and with a set of forms."""
     entries = []
-    for term, over, low, high, law in SETS[name]:
-        form = Form(term, over, low, high, 1.0)
+    for term, over, low, high, law, *tau in SETS[name]:
+        form = Form(term, over, low, high, 1.0, *tau)
         curve = written(form, law(points_of(over, low, high)), np.full(plant.POINTS, 1e-3))
         entries.append(
             {
@@ -67,6 +72,7 @@ def content_of(name):
                 "side": "both",
                 "over": over,
                 "units": list(form.units),
+                **({"time_constant": tau[0]} if tau else {}),
                 "curve": curve,
                 "formula": "a·x" if over == "w" else None,
                 "parameters": {"a": {"value": 0.25, "ci90": None}} if over == "w" else {},
@@ -148,6 +154,14 @@ def test_joints_without_a_driver_have_a_form_as_a_table_and_a_formula_in_the_com
     assert "torque (both), N·m, over w, rad/s; a·x, a = 0.25:" in comment
     assert "    25 - 0.055" in comment or "    25 -0.085" in comment
     assert all(part.kind == "number" and part.where.startswith("comment") for part in parts)
+
+
+def test_tables_of_a_form_over_the_heat_have_its_time_constant():
+    comment, _ = export(source_of("heat"), "urdf")
+    assert "voltage (both), 1, over heat, A², of 1.5 s:" in comment
+    text, _ = export(source_of("heat"), "usd-json")
+    forms = json.loads(text)["rtds"]["forms"]
+    assert [(form["units"], form["time_constant"]) for form in forms[:2]] == [(["A²", "1"], 1.5), (["A²", "1"], 4.0)]
 
 
 def test_usd_has_the_points_of_each_side():

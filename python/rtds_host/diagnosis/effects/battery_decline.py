@@ -29,6 +29,9 @@ EFFECT = Effect(
     advice="Charge or replace the battery, or scale the duty by the measured bus.",
     runs_in="rtl",
     exports=map_of_commands("decline_v_per_s"),
-    resembles=(("voltage", "t"),),
+    resembles=(
+        ("voltage", "t"),
+        ("voltage", "heat"),
+    ),
     exports_dcmotor=as_number("driver module, by custom/numeric decline_v_per_s"),
 )

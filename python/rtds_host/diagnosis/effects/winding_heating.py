@@ -48,6 +48,10 @@ EFFECT = Effect(
         left_out("a joint has no winding"),
         left_out("a drive has no winding"),
     ),
-    resembles=(("voltage", "t"),),
+    resembles=(
+        ("voltage", "t"),
+        ("voltage", "heat"),
+        ("torque_constant", "heat"),
+    ),
     exports_dcmotor=own("actuator/dcmotor thermal"),
 )

@@ -142,6 +142,7 @@ def _entry(problem: Problem, found: Found, form: Form, side: str, share: float) 
         "side": side if problem.robot.axis is None else "left",
         "over": form.over,
         "units": list(form.units),
+        **({"time_constant": float(f"{form.tau:.4g}")} if form.tau else {}),
         "curve": written(form, values, errors),
         "formula": None,
         "parameters": {},
@@ -166,5 +167,5 @@ def _with(problem: Problem, fit: Fit, form: Form, side: str, values: np.ndarray)
         rows = model.forms[k]
         mine = (rows[:, plant.TERM] == plant.TERM_CODE[form.term]) & (rows[:, plant.OVER] == plant.OVER_CODE[form.over])
         rows[mine] = 0.0
-    put(model, sides_of(side), form.term, form.over, form.low, form.high, values)
+    put(model, sides_of(side), form.term, form.over, form.low, form.high, values, form.tau)
     return model

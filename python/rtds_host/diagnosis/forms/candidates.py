@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rtds_host.diagnosis.forms.curves import BODY, Form
+from rtds_host.diagnosis.forms.warmth import time_constants
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import Model
 from rtds_host.diagnosis.scales import Scales, scales_of
@@ -14,9 +15,9 @@ from rtds_host.plant.schema import OUTPUT_INDEX
 
 # What each term may run over.
 RUNS_OVER = {
-    "torque": ("w", "th", "motor_angle", "i", "load", "t"),
-    "voltage": ("v_cmd", "command_history", "i", "th", "t"),
-    "torque_constant": ("i",),
+    "torque": ("w", "th", "motor_angle", "i", "load", "t", "heat"),
+    "voltage": ("v_cmd", "command_history", "i", "th", "t", "heat"),
+    "torque_constant": ("i", "heat"),
     "force": ("speed", "x", "y", "yaw"),
     "yaw_torque": ("yaw_rate", "speed_yaw_rate"),
     "current_sensor": ("i",),
@@ -105,7 +106,7 @@ def candidates(problem: Problem, model: Model) -> list[Form]:
     """Terms that a case's equations may lack, with the range that its runs pass through."""
     robot = problem.robot
     scales = scales_of(robot, problem.case.runs)
-    known = ranges(problem, model)
+    known, heats = ranges(problem, model), time_constants(problem, model)
     found = []
     # One sigma of a term that nobody knew of is slight against the machine's own scale.
     for term, overs in RUNS_OVER.items():
@@ -116,6 +117,9 @@ def candidates(problem: Problem, model: Model) -> list[Form]:
         if term in NEEDS and not any(c.startswith(NEEDS[term]) for log in problem.case.runs for c in log.columns):
             continue
         for over in overs:
+            if over == "heat":
+                size = MINOR_SHARE * (scales.torque if term == "torque" else 1.0)
+                found += [Form(term, over, 0.0, high, size, tau) for tau, high in heats]
             if over not in known or (over == "i" and robot.driver.mode == "torque"):
                 continue
             if over == "motor_angle" and robot.motor.gear_ratio == 1.0:

@@ -19,8 +19,8 @@ from rtds_host.diagnosis.effects import SIDES, Effect, Parameter
 from rtds_host.diagnosis.replay.model import Model
 from rtds_host.plant import forms as plant
 
-# Numerical: shapes of a curve: of an even grid, odd and even ones of two branches, and pairs of a turn.
-EVEN, ODD_SHAPES, EVEN_SHAPES, TURNS = 9, plant.HALF, 4, 5
+# Numerical: shapes of a curve: of an even grid, odd and even ones of two branches, pairs of a turn, and over a heat.
+EVEN, ODD_SHAPES, EVEN_SHAPES, TURNS, WARM_SHAPES = 9, plant.HALF, 4, 5, 4
 # Numerical: where a curve with a jump is written next to zero, in shares of its range.
 BESIDE_ZERO = 1e-4
 # Numerical: a derivative's step, and bounds, in spreads of a coefficient.
@@ -64,6 +64,10 @@ def shapes(over: str) -> tuple[np.ndarray, np.ndarray]:
         even, odd = half, half[:, : EVEN_SHAPES - 1]
         basis = np.hstack([np.vstack([even[::-1], even]), np.vstack([-odd[::-1], odd])])
         return basis, np.concatenate([1.0 / (1.0 + np.arange(even.shape[1])), 1.0 / (2.0 + np.arange(odd.shape[1]))])
+    if over == "heat":
+        # What a constant brings is there before anything is warm.
+        basis = _rising(np.linspace(0.0, 1.0, plant.POINTS), 1 + WARM_SHAPES)[:, 1:]
+        return basis, 1.0 / (1.0 + np.arange(WARM_SHAPES))
     if over in plant.BRANCHES:
         half = _rising(np.linspace(0.0, 1.0, plant.HALF), max(ODD_SHAPES, EVEN_SHAPES))
         odd, even = half[:, :ODD_SHAPES], half[:, :EVEN_SHAPES]
@@ -81,13 +85,14 @@ def shapes(over: str) -> tuple[np.ndarray, np.ndarray]:
 @dataclass(frozen=True)
 class Form:
     """A term of an equation as a free curve: `low`, `high` the ends of its grid; `spread` one sigma of its first
-    coefficient, in the term's unit."""
+    coefficient, in the term's unit; `tau` the time constant of a heat that it runs over, s."""
 
     term: str
     over: str
     low: float
     high: float
     prior_width: float
+    tau: float = 0.0
 
     @property
     def id(self) -> str:
@@ -97,7 +102,7 @@ class Form:
     @property
     def units(self) -> tuple[str, str]:
         """Of what it runs over, and of the term."""
-        return plant.OVERS[self.over], plant.TERMS[self.term]
+        return plant.units_of(self.term, self.over)
 
     @property
     def points(self) -> np.ndarray:
@@ -110,7 +115,8 @@ class Form:
         names = [f"c{k}" for k in range(len(widths))]
 
         def apply(model: Model, sides: tuple[int, ...], values: Mapping[str, float]) -> None:
-            put(model, sides, self.term, self.over, self.low, self.high, basis @ [values[name] for name in names])
+            curve = basis @ [values[name] for name in names]
+            put(model, sides, self.term, self.over, self.low, self.high, curve, self.tau)
 
         return Effect(
             id=self.id,
@@ -159,8 +165,9 @@ def put(
     low: float,
     high: float,
     values: np.ndarray,
+    tau: float = 0.0,
 ) -> None:
-    """Put a form's values (POINTS,) into the first free rows of a model.
+    """Put a form's values (POINTS,) into the first free rows of a model; tau : s, of the heat that it runs over.
 
     Raises
     ------
@@ -171,7 +178,7 @@ def put(
         if not len(free):
             raise ValueError(f"a robot has at most {plant.MOST_FORMS} forms a side")
         row = model.forms[side, free[0]]
-        row[: plant.VALUES] = plant.TERM_CODE[term], plant.OVER_CODE[over], low, high
+        row[: plant.VALUES] = plant.TERM_CODE[term], plant.OVER_CODE[over], low, high, tau
         row[plant.VALUES :] = values
 
 

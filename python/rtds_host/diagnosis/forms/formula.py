@@ -142,6 +142,19 @@ _LOSSES = (
         _scaled(*SCALES),
     ),
 )
+# Over a heat: nothing without one. What protects itself does so from a heat on.
+_WARM = (
+    Law("a·x", ("a",), ("y/x",), lambda x, a: a * x),
+    Law("a·x²", ("a",), ("y/x²",), lambda x, a: a * x**2),
+    Law("a·(1 - exp(-x/b))", ("a", "b"), ("y", "x"), lambda x, a, b: a * (1.0 - np.exp(-x / b)), _scaled(*SCALES)),
+    Law(
+        "a·(x - b) for x > b",
+        ("a", "b"),
+        ("y/x", "x"),
+        lambda x, a, b: a * np.maximum(x - np.abs(b), 0.0),
+        _scaled(0.25, 0.5, 0.75),
+    ),
+)
 _EVEN = (
     Law("a", ("a",), ("y",), lambda x, a: a + 0.0 * x),
     Law("a·x", ("a",), ("y/x",), lambda x, a: a * x),
@@ -193,6 +206,8 @@ def laws(over: str) -> tuple[Law, ...]:
         return _LOOPS
     if over == "load":
         return _LOSSES
+    if over == "heat":
+        return _WARM
     if over == "t":
         return (*_EVEN, *_FADES, _STEP)
     return (*_ODD, *_PLACES) if over in plant.BRANCHES else (*_EVEN, _STEP)

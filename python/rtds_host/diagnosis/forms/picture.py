@@ -15,7 +15,7 @@ import typer
 
 from rtds_host.contract import check_writable_file
 from rtds_host.contract.runlog import read_json
-from rtds_host.diagnosis.report.words import AXIS_WORDS, OVER_WORDS, TERM_WORDS, form_name
+from rtds_host.diagnosis.report.words import AXIS_WORDS, OVER_WORDS, form_name, value_name
 from rtds_host.diagnosis.thresholds import Z90
 from rtds_host.errors import InputError, RtdsError
 
@@ -61,7 +61,7 @@ def draw(forms: list[dict[str, Any]], out: Path) -> None:
             units = form["units"]
             over = AXIS_WORDS.get(form["over"], OVER_WORDS.get(form["over"], form["over"]))
             axis.set_xlabel(f"{over} ({units[0]})")
-            axis.set_ylabel(f"{TERM_WORDS.get(form['term'], form['term'])} ({units[1]})")
+            axis.set_ylabel(f"{value_name(form)} ({units[1]})")
             title = form_name(form) + (f": {form['formula']}" if form.get("formula") else "")
             axis.set_title(title, fontsize=8, parse_math=False)
             axis.legend(loc="best")

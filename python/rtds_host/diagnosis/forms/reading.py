@@ -38,8 +38,9 @@ def apply_forms(model: Model, entries: object, path: Path, robot: Robot) -> None
         if term in BODY and robot.axis is not None:
             raise InputError(f"{path}: {place}.term: {term} needs a body, and the robot is a single axis")
         low, high, values = read(_curve(path, f"{place}.curve", entry.get("curve")), over)
+        tau = _time_constant(path, f"{place}.time_constant", entry.get("time_constant"), over)
         try:
-            put(model, SIDES["both" if robot.axis is not None else side], term, over, low, high, values)
+            put(model, SIDES["both" if robot.axis is not None else side], term, over, low, high, values, tau)
         except ValueError as error:
             raise InputError(f"{path}: {place}: {error}") from None
 
@@ -49,6 +50,15 @@ def _known(path: Path, place: str, value: object, known: Sequence[str]) -> str:
         hint = did_you_mean(value, known) if isinstance(value, str) else ""
         raise InputError(f"{path}: {place}: {value!r} must be one of {', '.join(known)}{hint}")
     return value
+
+
+def _time_constant(path: Path, place: str, value: object, over: str) -> float:
+    """The time constant of a form over the heat, s; 0 of others, which have none."""
+    if over != "heat":
+        return 0.0
+    if not isinstance(value, int | float) or isinstance(value, bool) or not 0.0 < value < math.inf:
+        raise InputError(f"{path}: {place}: is {value!r}, a form over the heat needs seconds above zero")
+    return float(value)
 
 
 def _curve(path: Path, place: str, points: object) -> np.ndarray:

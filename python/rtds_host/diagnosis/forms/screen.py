@@ -110,6 +110,14 @@ def screened(problem: Problem, fit: Fit, known: Sequence[Slopes]) -> list[FormCa
     return sorted(found, key=lambda candidate: candidate.left)
 
 
+def distinct(found: Sequence[FormCandidate]) -> list[FormCandidate]:
+    """Screened forms, of those that differ only in the time constant of a heat the first: it is moved later."""
+    kept: dict[tuple[str, str, float | None], FormCandidate] = {}
+    for one in found:
+        kept.setdefault((one.form.id, one.side, None if one.form.tau else one.form.high), one)
+    return list(kept.values())
+
+
 def _placed(count: int, one: Slopes, side: str) -> np.ndarray:
     """(count + all parts' columns, count + n) where the coefficients of a form on a side go, behind `count` others."""
     n = one.parts[0].shape[1]

@@ -20,9 +20,9 @@ from rtds_host.diagnosis.fit import ROUGH_GAIN, Fit, Fitter, joined, parameters
 from rtds_host.diagnosis.forms.backward import eliminated
 from rtds_host.diagnosis.forms.candidates import candidates
 from rtds_host.diagnosis.forms.curves import Form, shapes
-from rtds_host.diagnosis.forms.ends import GAINS, movable, with_ends
+from rtds_host.diagnosis.forms.ends import GAINS, movable, moves_of, with_ends
 from rtds_host.diagnosis.forms.fits import STEPS, Cause, derived, fitted, renewed, roughly, side_by_side_with, without
-from rtds_host.diagnosis.forms.screen import FormCandidate, screened, slopes
+from rtds_host.diagnosis.forms.screen import FormCandidate, distinct, screened, slopes
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.report.words import OVER_WORDS, TERM_WORDS
 from rtds_host.diagnosis.thresholds import MAJORITY, MINOR_SHARE
@@ -151,7 +151,7 @@ def _next(
         (base, one)
         for base in (now.fit, *lacking)
         for fit in (base, replace(base, noise=problem.white()))
-        for one in screened(problem, fit, known_slopes)[: TRIED[quick] if base is now.fit else 1]
+        for one in distinct(screened(problem, fit, known_slopes))[: TRIED[quick] if base is now.fit else 1]
         if one.left < 1.0
     ]
     tried = list({(base.hypothesis, one.form, one.side): (base, one) for base, one in tried}.values())
@@ -163,13 +163,12 @@ def _next(
         if fit.score < base.score or movable(one.form)
     ]
     judged.sort(key=lambda each: each[0].gap)
-    reaches = {form.over: max(each.high for each in forms if each.over == form.over) for form in forms}
     for ended in choices(problem, known, judged, quick):
         candidate, best = _smallest_residual(ended)
         if pooled(best, now) <= GAINS:
-            fits, reach = partial(side_by_side_with, problem, known, best.fit), reaches[candidate.form.over]
-            before = candidate
-            candidate, best = with_ends(problem, fits, candidate, best, reach)
+            fits, before = partial(side_by_side_with, problem, known, best.fit), candidate
+            moves = moves_of(problem, now.fit.model(problem), forms, candidate.form)
+            candidate, best = with_ends(problem, fits, candidate, best, moves)
             if candidate is not before:
                 best = refined(problem, known, candidate, best)
         best = HeldOutScore.of(problem, renewed(problem, derived(problem, best.fit)))

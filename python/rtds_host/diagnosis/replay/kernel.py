@@ -60,7 +60,7 @@ torque_of, shaped_by = map(law, functions(TORQUES, "side, k", lambda entry: f"si
 CURRENT, SPEED, GYRO = (forms.TERM_CODE[f"{name}_sensor"] for name in ("current", "speed", "gyro"))
 # fmt: off
 (OVER_V, OVER_HISTORY, OVER_I, OVER_W, OVER_LOAD, OVER_RATE, OVER_TH, OVER_MOTOR, OVER_TURNS, OVER_SPEED, OVER_T,
- OVER_X, OVER_Y, OVER_YAW) = range(len(forms.OVERS))
+ OVER_X, OVER_Y, OVER_YAW, _) = range(len(forms.OVERS))
 # fmt: on
 
 
@@ -362,7 +362,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                         volts = driver.winding_voltage(volts, emf, side[k, LIMIT], side[k, DROP])
                         mean = motor.even_current(cur[k], volts, emf, decay[k], rise_v[k], mean_v[k], mean_i[k])
                         about[forms.MEAN_I] = mean
-                    forms.act(curves[k], about, acts[k])
+                    forms.act(curves[k], about, past[k], acts[k])
                     ve[k] = vd[k] + acts[k, forms.VOLTS]
                     # What changes the torque of a current changes the back-EMF of a speed alike.
                     constant = 1.0 + acts[k, forms.CONSTANT]
@@ -601,7 +601,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                         play[k] += h * (wm[k] - w[k])
                 if curves is not None:
                     delivered = load_j * (w[k] - wn[k]) / h + side[k, RADIUS] * force[k] - weight
-                    past[k, forms.GEAR_LOAD] = forms.filtered_load(past[k, forms.GEAR_LOAD], delivered, h)
+                    forms.remember(curves[k], delivered, mean, h, past[k])
                 tau = side[k, W_TAU]
                 if tau > 0.0:
                     wf[k] = sensors.low_pass(wf[k], seen[k], seen_n[k], h, tau, math.exp(-h / tau))

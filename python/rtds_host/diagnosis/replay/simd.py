@@ -143,15 +143,16 @@ def _read(out, row, curves, model, held_s, l, elapsed):
 
 
 @loop
-def _carried(s, curved, redone, past):
-    """Take the loads of lanes that have forms to the end of a step, which some lanes take once more."""
+def _carried(s, job, curved, which, curves, redone, past):
+    """Take what forms remember to the end of a step, which some lanes take once more; arguments: see `replay_batch`."""
     for l in range(SIMD_WIDTH):
         if not curved[l] or redone[l]:
             continue
         for k in range(2):
             o = k * _SIDE + l
             delivered = s[LOAD_J + l] * (s[o + W] - s[o + WN]) / s[H + l] + s[o + RADIUS] * s[o + FORCE]
-            past[l, k, forms.GEAR_LOAD] = forms.filtered_load(past[l, k, forms.GEAR_LOAD], delivered, s[H + l])
+            mean = s[o + M0] - s[o + M1] * s[o + WM]
+            forms.remember(curves[which[job[l], 0], k], delivered, mean, s[H + l], past[l, k])
 
 
 @loop
@@ -181,7 +182,7 @@ def _formed(s, job, curved, which, sides, coms, curves, shaped, about, acts, pas
             volts = driver.winding_voltage((s[o + OWN_VD] + s[o + MADE]) * s[LEVEL + l], emf, s[o + LIM], s[o + DROP])
             decay, rise_v, mean_v, mean_i = s[o + DECAY], s[o + RISE_V], s[o + MEAN_V], s[o + MEAN_I]
             about[forms.MEAN_I] = motor.even_current(s[o + CUR], volts, emf, decay, rise_v, mean_v, mean_i)
-            forms.act(curves[model, k], about, acts)
+            forms.act(curves[model, k], about, past[l, k], acts)
             s[o + SHAPED] = (s[o + SHAPED] if shaped else 0.0) + acts[forms.DRIVE]
             s[o + GKM] = s[o + OWN_GKM] * (1.0 + acts[forms.CONSTANT])
             s[o + FLUID] = s[o + OWN_FLUID] + acts[forms.FLUID]
@@ -832,7 +833,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                     tyre, slip, factor = s[o + TYRE + l], s[o + SLIP + l], s[o + PER_SHEAR + l]
                     s[o + TYRE + l] = ground.relaxed(s[H + l], tyre, slip, whole, factor)
         if formed:
-            _carried(s, curved, redone, past)
+            _carried(s, job, curved, which, curves, redone, past)
         if again > 0:
             for l in range(lanes):
                 if redone[l]:

@@ -14,13 +14,13 @@ from rtds_host.diagnosis.report.html import section
 from rtds_host.diagnosis.report.words import (
     AXIS_WORDS,
     OVER_WORDS,
-    TERM_WORDS,
     X_WORDS,
     form_name,
     listed_name,
     number,
     parameter_name,
     percent,
+    value_name,
 )
 from rtds_host.diagnosis.thresholds import Z90
 from rtds_host.plant import forms as plant
@@ -45,7 +45,7 @@ def _history(volts: np.ndarray, most: float) -> np.ndarray:
     """Sizes of commands (n,) V, negative once they have fallen back; most : V, what they are clipped at."""
     rows, past, found = plant.no_forms()[0], np.zeros(plant.PAST), np.zeros(len(volts))
     over = plant.OVER_CODE["command_history"]
-    rows[0, : plant.VALUES] = plant.TERM_CODE["voltage"], over, -most, most
+    rows[0, : plant.TAU] = plant.TERM_CODE["voltage"], over, -most, most
     for k, volt in enumerate(np.clip(volts, -most, most)):
         if np.isfinite(volt):
             plant.follow(rows, volt, past)
@@ -53,10 +53,10 @@ def _history(volts: np.ndarray, most: float) -> np.ndarray:
     return found
 
 
-def _samples(over: str, side: str, details: Details) -> np.ndarray:
+def _samples(form: dict[str, Any], details: Details) -> np.ndarray:
     """Measured values of what a form runs over, (n,) in its unit; empty where no channel holds them."""
-    robot = details.case.robot
-    sides = {"both": robot.sides, "left": ("l",), "right": ("r",)}[side]
+    robot, over = details.case.robot, form["over"]
+    sides = {"both": robot.sides, "left": ("l",), "right": ("r",)}[form["side"]]
     found: list[np.ndarray] = []
     for run in details.case.runs:
         columns = run.columns
@@ -66,6 +66,9 @@ def _samples(over: str, side: str, details: Details) -> np.ndarray:
             found += [scale * columns[f"{stem}_{s}"] for s in sides if f"{stem}_{s}" in columns]
         elif over == "command_history":
             found += [_history(columns[f"v_cmd_{s}"], robot.supply_v) for s in sides if f"v_cmd_{s}" in columns]
+        elif over == "heat":
+            amps = [columns[f"i_{s}"] for s in sides if f"i_{s}" in columns]
+            found += [plant.heats(run.t, np.nan_to_num(one), form["time_constant"]) for one in amps]
         elif over == "yaw_rate" and "gyro_z" in columns:
             found.append(columns["gyro_z"])
         elif over in ("x", "y", "yaw") and over in columns:
@@ -80,7 +83,7 @@ def density(form: dict[str, Any], details: Details) -> np.ndarray:
     """(BINS,) how many samples lie in each part of the curve's range; all zero where that cannot be known."""
     curve = np.asarray(form["curve"], dtype=float)
     low, high = curve[0, 0], curve[-1, 0]
-    values = _samples(form["over"], form["side"], details)
+    values = _samples(form, details)
     if form["over"] in plant.PERIODIC:
         values = low + np.mod(values - low, high - low)
     return np.histogram(values, BINS, (low, high))[0]
@@ -115,7 +118,7 @@ def _drawing(form: dict[str, Any], details: Details, name: str) -> str:
 
     unit_x, unit_y = form["units"]
     over = AXIS_WORDS.get(form["over"], OVER_WORDS.get(form["over"], form["over"]))
-    term = TERM_WORDS.get(form["term"], form["term"])
+    term = value_name(form)
     counts = density(form, details)
     parts = [
         f'<line class="grid" x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{py(v):.1f}" y2="{py(v):.1f}"/>'
@@ -170,7 +173,8 @@ def _by_hand(form: dict[str, Any]) -> str:
             for name in alike
         )
         return f"<p>Look by hand for what resembles it:</p><ul>{checks}</ul>"
-    return f"<p>{escape(LOOK[form['term']])}</p>" if form["term"] in LOOK else ""
+    warm = " Do so cold, and again right after a loaded run." if form["over"] == "heat" else ""
+    return f"<p>{escape(LOOK[form['term']] + warm)}</p>" if form["term"] in LOOK else ""
 
 
 def _one(form: dict[str, Any], details: Details, k: int) -> str:
@@ -189,6 +193,8 @@ def _one(form: dict[str, Any], details: Details, k: int) -> str:
         if formula
         else "<p>No simple formula describes this curve; simulators take it as a table.</p>"
     )
+    if form["over"] == "heat":
+        said = f"<p>The heat's time constant is {number(form['time_constant'])} s.</p>{said}"
     known = density(form, details).any()
     below = "bars below: how much of the data lies there" if known else "no channel holds what it runs over"
     return (

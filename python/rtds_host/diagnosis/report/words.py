@@ -104,15 +104,23 @@ OVER_WORDS = {
     "y": "place y",
     "speed": "speed",
     "yaw": "heading",
+    "heat": "heat",
 }
 # What x is in a form's formula, and what its axis shows, where that takes more words.
 X_WORDS = {
     "command_history": "command, and ẋ its last change",
     "load": "torque that the gear transmits, negative where the wheel drives the motor",
+    "heat": "heat: the square of the current, which it follows with the time constant",
 }
 AXIS_WORDS = {
     "command_history": "command's size, negative once it has fallen back",
     "load": "load, negative where the wheel drives the motor",
+    "heat": "heat, the square of the current behind a slow filter",
+}
+# What a form's axis of values shows, where that takes more words.
+VALUE_WORDS = {
+    ("voltage", "heat"): "voltage, as a share of the command",
+    ("torque", "heat"): "torque, along the motion",
 }
 # How sure one may be, from this probability on.
 SURENESS = ((0.99, "as good as certain"), (0.9, "very likely"), (0.7, "likely"), (0.0, "more likely than not"))
@@ -214,6 +222,12 @@ def form_name(form: dict[str, Any]) -> str:
     term, over = form["term"], form["over"]
     side = "" if term in ("yaw_torque", "force", "gyro_sensor") else f", {SIDE_WORDS[form['side']]}"
     return f"{TERM_WORDS.get(term, term.replace('_', ' '))} over {OVER_WORDS.get(over, over.replace('_', ' '))}{side}"
+
+
+def value_name(form: dict[str, Any]) -> str:
+    """What the axis of a form's values shows."""
+    term = form["term"]
+    return VALUE_WORDS.get((term, form["over"]), TERM_WORDS.get(term, term))
 
 
 def scatter_words(effect: dict[str, Any]) -> str:

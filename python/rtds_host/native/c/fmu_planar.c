@@ -15,17 +15,18 @@
 
 #define GRAVITY_M_S2 9.80665
 #define SWEEPS 30
-/* Free curves, as rtds_host/plant/forms.py has them: rows of a term, what it runs over, the ends of its grid and its
-   values. Terms and quantities count from 1. */
+/* Free curves, as rtds_host/plant/forms.py has them: rows of a term, what it runs over, the ends of its grid, the time
+   constant of a heat, and its values. Terms and quantities count from 1. */
 #define MOST 3
 #define POINTS 14
 #define HALF 7
-enum { TERM, OVER, LOW, HIGH, VALUES, WIDTH = VALUES + POINTS };
+enum { TERM, OVER, LOW, HIGH, TAU, VALUES, WIDTH = VALUES + POINTS };
 enum { NO_TERM, TORQUE, VOLTAGE, TORQUE_CONSTANT, FORCE, YAW_TORQUE, CURRENT_SENSOR, SPEED_SENSOR, GYRO_SENSOR };
 enum { OVER_NOTHING, OVER_V, OVER_HISTORY, OVER_I, OVER_W, OVER_LOAD, OVER_RATE, OVER_TH, OVER_MOTOR, OVER_TURNS,
-       OVER_SPEED, OVER_T, OVER_X, OVER_Y, OVER_YAW, QUANTITIES };
-/* What a side remembers: its command's last extreme, whether its size grows, and the load of its gear. */
-enum { EXTREME, DIRECTION, GEAR_LOAD, PAST };
+       OVER_SPEED, OVER_T, OVER_X, OVER_Y, OVER_YAW, OVER_HEAT, QUANTITIES };
+/* What a side remembers: its command's last extreme, whether its size grows, the load of its gear, and the heat of each
+   curve. */
+enum { EXTREME, DIRECTION, GEAR_LOAD, HEATS, PAST = HEATS + MOST };
 #define TURNS_BY 0.01
 #define LOAD_S 0.01
 enum { DRIVE, FORWARD, BACKWARD, FLUID, VOLTS, CONSTANT, PUSH, TURN, SCRUB, ACTS };
@@ -125,11 +126,15 @@ static void act(fmu_model *m, int k, const double x[QUANTITIES]) {
     const int term = (int)row[TERM], over = (int)row[OVER];
     if (term == NO_TERM) continue;
     double slope;
-    const double at = x[over], along = over == OVER_HISTORY && x[OVER_V] < 0.0 ? -1.0 : 1.0;
+    const double at = over == OVER_HEAT ? m->past[k][HEATS + n] : x[over];
+    const double along = over == OVER_HISTORY && x[OVER_V] < 0.0 ? -1.0 : 1.0;
     const double value = along * curve(row, at, &slope);
     if (term == TORQUE && over == OVER_LOAD) {
       acts[FORWARD] -= value;
       acts[BACKWARD] -= curve(row, -at, &none);
+    } else if (term == TORQUE && over == OVER_HEAT) {
+      acts[FORWARD] -= value;
+      acts[BACKWARD] -= value;
     } else if (term == TORQUE && over == OVER_W) {
       acts[FORWARD] -= at > 0.0 ? value : branch(row, 1, 0.0, &none);
       acts[BACKWARD] += at < 0.0 ? value : branch(row, 0, 0.0, &none);
@@ -138,7 +143,7 @@ static void act(fmu_model *m, int k, const double x[QUANTITIES]) {
     } else if (term == TORQUE) {
       acts[DRIVE] += value;
     } else if (term == VOLTAGE) {
-      acts[VOLTS] += value;
+      acts[VOLTS] += over == OVER_HEAT ? value * x[OVER_V] : value;
     } else if (term == TORQUE_CONSTANT) {
       acts[CONSTANT] += value;
     } else if (term == FORCE) {
@@ -286,6 +291,7 @@ const char *fmu_initialise(fmu_model *m) {
       if (!(row[TERM] >= 0.0 && row[TERM] <= GYRO_SENSOR && row[OVER] >= 0.0 && row[OVER] < QUANTITIES))
         return "form: no such term or quantity";
       if (row[TERM] != 0.0 && row[OVER] < 1.0) return "form: a term needs a quantity";
+      if (row[TERM] != 0.0 && row[OVER] == OVER_HEAT && !(row[TAU] > 0.0)) return "form: a heat needs a time constant";
       m->formed = m->formed || row[TERM] != 0.0;
     }
   m->mass = m->mass_kg + m->payload_kg;
@@ -446,6 +452,11 @@ static void settle(fmu_model *m, int k, double h, double now, double volts, doub
   if (m->formed) {
     const double delivered = torque + extra + impulse / h;
     m->past[k][GEAR_LOAD] += (delivered - m->past[k][GEAR_LOAD]) * (1.0 - exp(-h / LOAD_S));
+    for (int n = 0; n < MOST; n++) {
+      const double *row = m->forms[k][n];
+      double *heat = &m->past[k][HEATS + n];
+      if (row[TERM] != 0.0 && row[OVER] == OVER_HEAT) *heat += (current * current - *heat) * (1.0 - exp(-h / row[TAU]));
+    }
   }
   if (tau > 0.0) {
     const double ramp = (now - w) / h;
@@ -479,7 +490,8 @@ static void advance(fmu_model *m, double h) {
                                     m->t,
                                     m->x,
                                     m->y,
-                                    m->yaw};
+                                    m->yaw,
+                                    0.0};
       act(m, k, x);
     }
   memcpy(a, m->inertia, sizeof a);
