@@ -50,8 +50,7 @@ def said(torque_mode: bool, axis: bool) -> set[tuple[str, str]]:
 
 
 def tried(case) -> set[tuple[str, str]]:
-    # As a diagnosis has it: an axis in pieces.
-    problem = Problem(case, 1, pieces=case.robot.axis is not None)
+    problem = Problem(case, 1)
     return {(form.term, form.over) for form in candidates(problem, problem.nominal)}
 
 

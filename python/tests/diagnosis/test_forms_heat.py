@@ -107,7 +107,7 @@ def test_a_heat_is_sought_only_where_runs_show_it(tmp_path):
     idle.scale("resistance", 100.0)
     assert time_constants(problem, idle) == []
     # How warm a piece begins is not known.
-    axis = Problem(read_case(write_axis_case(tmp_path / "case", "pendulum", "voltage")), 1, pieces=True)
+    axis = Problem(read_case(write_axis_case(tmp_path / "case", "pendulum", "voltage")), 1)
     assert time_constants(axis, axis.nominal) == []
 
 

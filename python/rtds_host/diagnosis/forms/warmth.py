@@ -40,13 +40,14 @@ def reach(problem: Problem, model: Model, tau: float) -> float:
 def time_constants(problem: Problem, model: Model) -> list[tuple[float, float]]:
     """Time constants, s, of heats that a case can show, each with the largest heat, A².
 
-    There is none where no winding is in the model, and where runs are searched in parts: how warm a part begins is not
-    measured. What fades within a window of the gap is hardly a heat. Nor is what a current of half of a tenth of that
-    at stall makes: a motor bears a tenth for ever.
+    There is none where no winding is in the model, where runs are searched in parts, and of an axis, which is judged on
+    pieces, too: how warm a part begins is not measured. What fades within a window of the gap is hardly a heat. Nor is
+    what a current of half of a tenth of that at stall makes: a motor bears a tenth for ever.
     """
-    if problem.robot.driver.mode == "torque" or problem.pieces or problem.searched < 1.0:
+    robot = problem.robot
+    if robot.driver.mode == "torque" or robot.axis is not None or problem.searched < 1.0:
         return []
-    enough = MAJORITY * MINOR_SHARE * scales_of(problem.robot, problem.case.runs).amps
+    enough = MAJORITY * MINOR_SHARE * scales_of(robot, problem.case.runs).amps
     taus = [share * longest_run_s(problem) for share in SHARES]
     found = [(tau, reach(problem, model, tau)) for tau in taus if tau >= gaps.WINDOW_S]
     return [(tau, high) for tau, high in found if high >= enough**2]
