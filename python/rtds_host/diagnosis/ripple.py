@@ -133,7 +133,7 @@ def neighbours(values: dict[str, float], angle: float) -> list[dict[str, float]]
     is moved with the phase that keeps step at `angle` rad, the middle of the runs. Poles and teeth of what turns with
     the wheel come in whole numbers.
     """
-    _, cycles, phase = values  # names, in the order of a periodic effect's parameters
+    _, cycles, phase = list(values)[:3]  # names, in the order of a periodic effect's parameters
     whole = round(values[cycles]) - values[cycles]
     return [
         {
@@ -171,10 +171,11 @@ def starts(
         found = {"left": shared, "right": shared}
     sets: dict[tuple[str, str], list[dict]] = {}
     for effect in effects:
-        amplitude, turns, phase = problem.effects[effect].parameters
+        amplitude, turns, phase, *harmonics = problem.effects[effect].parameters
+        pure = {p.name: p.null for p in harmonics}
         sets |= {
             (effect, side): [
-                {amplitude.name: amplitude.starts[0], turns.name: n, phase.name: at}
+                {amplitude.name: amplitude.starts[0], turns.name: n, phase.name: at, **pure}
                 for n in sorted(cycles)
                 for at in (0.0, np.pi / 2)
             ]

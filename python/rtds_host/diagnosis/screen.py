@@ -374,17 +374,16 @@ class Screen:
 
     def _periodic(self, cause: tuple[str, str], causes: list[int]) -> Candidate:
         """Amplitude and phase by least squares on the quadratures of each number of cycles."""
-        size, cycles, phase = (p.name for p in self.effects[cause[0]].parameters)
-        best = Candidate(cause, 0.0, np.zeros(3))
+        size, _, phase = (p.name for p in self.effects[cause[0]].parameters[:3])
+        best = Candidate(cause, 0.0, np.zeros(len(self.effects[cause[0]].parameters)))
         for pair in zip(causes[::2], causes[1::2]):
             gram = self._gram(pair)
             steps = -np.linalg.solve(gram, self.slope[list(pair)])
             gain = float(-(steps @ self.slope[list(pair)]))
             if gain > best.gain:
                 values = dict(self.signatures[pair[0]].values)
-                values = {
+                values |= {
                     size: float(np.hypot(*steps)) * values[size],
-                    cycles: values[cycles],
                     phase: float(np.arctan2(steps[1], steps[0])),
                 }
                 best = Candidate(cause, gain, scaled(self.effects, (cause,), [values]))

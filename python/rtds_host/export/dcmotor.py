@@ -26,6 +26,7 @@ COPPER_PER_K = 3.93e-3
 BRISTLE_RAD, BRISTLE_SWING, BRISTLE_DAMPED = 1e-4, 0.3, 0.8
 # Numbers of the cogging, in its order.
 COGGING = ("ripple_nm", "ripple_cycles", "ripple_phase_rad")
+SECOND = ("ripple_in_phase", "ripple_in_quadrature")
 # V; of a driver that answers nothing: MuJoCo wants a range.
 NOTHING_V = 1e-9
 
@@ -45,6 +46,17 @@ class Element:
     lugre: tuple[float, float, float, float]
     current_per_activation: float
     top_v: float
+
+
+def second_harmonic(side: Side) -> tuple[float, float, float]:
+    """The second harmonic of a side's ripple as a cogging of its own at the wheel: N·m, cycles a turn, phase in rad."""
+    size_nm, cycles, phase = (side.torques[name] for name in COGGING)
+    in_phase, in_quadrature = (side.torques[name] for name in SECOND)
+    return (
+        size_nm * math.hypot(in_phase, in_quadrature),
+        2.0 * cycles,
+        2.0 * phase + math.atan2(in_quadrature, in_phase),
+    )
 
 
 def element(figures: Figures, side: Side) -> Element:

@@ -86,7 +86,7 @@ SUFFIXES = {
 # What no number of the robot is in the FMU: noise; servo and forms, which are given apart.
 NO_NUMBERS = ("noise", "servo", "forms")
 # Of the torques by angle or speed, the numbers that the C model of the robot has.
-TORQUES_IN_C = ("ripple_nm", "ripple_cycles", "ripple_phase_rad")
+TORQUES_IN_C = ("ripple_nm", "ripple_cycles", "ripple_phase_rad", "ripple_in_phase", "ripple_in_quadrature")
 
 
 def _suffix(key: str) -> str:

@@ -168,9 +168,12 @@ def _passive(figures: Figures, k: int, actuator: str) -> str:
             f'    <general name="asymmetry_{name}" joint="wheel_{name}" gaintype="fixed" gainprm="0" biastype="affine" '
             f'biasprm="{vector(-side.asymmetry_nm, 0.0, 0.0)}"/>\n'
         )
+    passive = f'joint="wheel_{name}" input="none" motorconst="0 0" resistance="1"'
+    second = dcmotor.second_harmonic(side)
+    if second[0]:
+        text += f'    <dcmotor name="ripple_second_{name}" {passive} cogging="{vector(*second)}"/>\n'
     if actuator == "dcmotor":
         return text
-    passive = f'joint="wheel_{name}" input="none" motorconst="0 0" resistance="1"'
     if side.torques["ripple_nm"]:
         text += (
             f'    <dcmotor name="ripple_{name}" {passive} '

@@ -20,6 +20,8 @@ WITH = {
     "stribeck_speed": {"stribeck": 0.02},
     "ripple_cycles": {"ripple": 0.02},
     "ripple_phase": {"ripple": 0.02},
+    "ripple_in_phase": {"ripple": 0.02},
+    "ripple_in_quadrature": {"ripple": 0.02},
     "heat_tau": {"heat_rise": 0.1},
 }
 ODD = {"limit": 6.0, "heat_tau": 20.0}
@@ -114,11 +116,17 @@ def test_stribecks_curve_is_followed_between_its_points():
         assert n * unit.friction_forward.at(n * w) == pytest.approx(0.03 + 0.05 * math.exp(-((w / 0.4) ** 2)), abs=5e-5)
 
 
+RIPPLE = {
+    "amplitude_nm": 0.02,
+    "cycles_per_rev": 4.37,
+    "phase_rad": 0.3,
+    "second_in_phase": 0.3,
+    "second_in_quadrature": -0.2,
+}
+
+
 def test_ripple_counts_from_the_angle_at_which_the_run_begins():
-    here, there = (
-        corrected("torque_ripple", angles=(angle, 0.0), amplitude_nm=0.02, cycles_per_rev=4.37, phase_rad=0.3)
-        for angle in (0.0, 1.1)
-    )
+    here, there = (corrected("torque_ripple", angles=(angle, 0.0), **RIPPLE) for angle in (0.0, 1.1))
     turn = there.units[0].ripple_start_rad - here.units[0].ripple_start_rad
     assert math.remainder(turn - 4.37 * 1.1, 2 * math.pi) == pytest.approx(0.0, abs=1e-12)
     assert here.units[0].ripple_periods_per_rad * 2 * math.pi * ROBOT.motor.gear_ratio == pytest.approx(4.37)

@@ -250,6 +250,24 @@ def test_ripple_is_found_by_its_spectrum():
     assert np.isclose(found["amplitude_nm"]["value"], 0.03, rtol=0.1)
 
 
+def test_a_ripple_may_have_a_second_harmonic():
+    """Cogging and meshing teeth are no pure sine; a sine alone would get another phase and leave a rest."""
+
+    def change(model):
+        model.put("ripple", 0.03)
+        model.put("ripple_cycles", 12.0)
+        model.put("ripple_phase", 1.0)
+        model.put("ripple_in_phase", -0.2)
+        model.put("ripple_in_quadrature", 0.3)
+
+    diagnosis, _ = run(make_case(change, seed=28, seconds=12.0))
+    assert included(diagnosis) == [("torque_ripple", "both")]
+    found = diagnosis["effects"][0]["parameters"]
+    assert found["second_in_phase"]["value"] == pytest.approx(-0.2, abs=0.1)
+    assert found["second_in_quadrature"]["value"] == pytest.approx(0.3, abs=0.1)
+    assert found["amplitude_nm"]["value"] == pytest.approx(0.03, rel=0.1)
+
+
 def test_a_neighbouring_ripple_keeps_step_in_the_middle_of_the_runs():
     """Otherwise a change of the number of cycles alone would leave the runs out of step, however right it is."""
     values = {"amplitude_nm": 0.06, "cycles_per_rev": 9.98, "phase_rad": -1.26}

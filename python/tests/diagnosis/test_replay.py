@@ -263,7 +263,7 @@ def test_every_effect_is_absent_at_its_null_and_seen_at_its_start(effect, side):
     if effect not in ("gear_compliance", "voltage_limit"):  # their null is a bound at infinity
         null = with_values({p.name: p.null for p in entry.parameters})
         assert np.allclose(null, nominal, atol=1e-9)
-    starts = start_values(entry) or [{"amplitude_nm": 0.02, "cycles_per_rev": 12.0, "phase_rad": 0.5}]
+    starts = start_values(entry) or [entry.within({"amplitude_nm": 0.02, "cycles_per_rev": 12.0, "phase_rad": 0.5})]
     noise = np.array([ROBOT.noise(name) for name in OUTPUTS])
     largest = max(np.abs((with_values(values) - nominal) / noise).max() for values in starts)
     assert largest > 1.0

@@ -200,7 +200,13 @@ def test_a_ripples_cycles_are_fitted_to_a_share_of_what_a_run_turns(off):
         for quantity, value in (("ripple", 0.02), ("ripple_cycles", 12.0), ("ripple_phase", 0.7)):
             model.put(quantity, value)
 
-    start = {"amplitude_nm": 0.015, "cycles_per_rev": 12.0 + off, "phase_rad": 0.5}
+    start = {
+        "amplitude_nm": 0.015,
+        "cycles_per_rev": 12.0 + off,
+        "phase_rad": 0.5,
+        "second_in_phase": 0.0,
+        "second_in_quadrature": 0.0,
+    }
     _, fit = fitted(make_case(change, seconds=20.0), (("torque_ripple", "both"), start))
     (values,) = fit.values
     assert values["cycles_per_rev"] == pytest.approx(12.0, abs=0.003) and values["amplitude_nm"] == pytest.approx(

@@ -20,7 +20,13 @@ ROBOT = builtin_robot("burger")
 SERVO = replace(ROBOT, driver=Driver(mode="speed"), servo=Servo(0.44, 8.6, 12.0, 0.001))
 # Where the size at which effects are compared elsewhere cannot be had by a target.
 SIZES = {
-    "torque_ripple": {"amplitude_nm": 0.03, "cycles_per_rev": 4.0, "phase_rad": 0.7},
+    "torque_ripple": {
+        "amplitude_nm": 0.03,
+        "cycles_per_rev": 4.0,
+        "phase_rad": 0.7,
+        "second_in_phase": 0.2,
+        "second_in_quadrature": -0.1,
+    },
     "com_offset": {"x_m": 0.0, "y_m": 0.03},
 }
 # Labelled cases of the planar world: an effect alone, two on one side, three of several subsystems.

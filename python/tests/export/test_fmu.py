@@ -10,7 +10,7 @@ from types import ModuleType
 import fmpy
 import numpy as np
 import pytest
-from export_cases import SERVO, model_with
+from export_cases import SERVO, SIZES, model_with
 from fmpy.fmi3 import FMU3Slave
 from fmpy.validation import validate_fmu
 
@@ -186,7 +186,7 @@ PLANAR = {
     "slope": (
         (
             ("stribeck_friction", "left", {"torque_nm": 0.02, "extra_torque_nm": 0.02, "speed_rad_s": 2.0}),
-            ("torque_ripple", "right", {"amplitude_nm": 0.03, "cycles_per_rev": 4.0, "phase_rad": 0.7}),
+            ("torque_ripple", "right", SIZES["torque_ripple"]),
             ("com_offset", "both", {"x_m": 0.02, "y_m": 0.01}),
             ("spin_scrub", "both", {"torque_nm": 0.05}),
             ("measurement_delay", "both", {"seconds": 0.0137}),

@@ -1,4 +1,4 @@
-"""torque_ripple: A sin(n th + phi)."""
+"""torque_ripple: A (sin x + p sin 2x + q cos 2x), x = n th + phi."""
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter, put
 from rtds_host.diagnosis.effects.exported import left_out, own, row
@@ -43,9 +43,39 @@ EFFECT = Effect(
             shape=True,
             meaning="phase at angle zero",
         ),
+        Parameter(
+            "second_in_phase",
+            "1",
+            null=0,
+            low=-1,
+            high=1,
+            prior_width=0.2,
+            starts=(0.0,),
+            optional=True,
+            shape=True,
+            meaning="second harmonic's share of the amplitude, in phase",
+        ),
+        Parameter(
+            "second_in_quadrature",
+            "1",
+            null=0,
+            low=-1,
+            high=1,
+            prior_width=0.2,
+            starts=(0.0,),
+            optional=True,
+            shape=True,
+            meaning="the same a quarter of its period ahead",
+        ),
     ),
-    apply=put(ripple="amplitude_nm", ripple_cycles="cycles_per_rev", ripple_phase="phase_rad"),
-    equation="A sin(n th + phi)",
+    apply=put(
+        ripple="amplitude_nm",
+        ripple_cycles="cycles_per_rev",
+        ripple_phase="phase_rad",
+        ripple_in_phase="second_in_phase",
+        ripple_in_quadrature="second_in_quadrature",
+    ),
+    equation="A (sin x + p sin 2x + q cos 2x), x = n th + phi",
     source="contract, section 3; cogging and gear mesh: Z. Q. Zhu, D. Howe, IEEE Trans. Energy Convers. 15(4), 2000",
     confused_with=("stribeck_friction",),
     shown_by="slow steady turning over whole turns",
@@ -53,9 +83,15 @@ EFFECT = Effect(
     advice="Feed the ripple forward by angle, or change the gear stage whose tooth count matches.",
     periodic=True,
     runs_in="rtl",
-    compared_at={"amplitude_nm": 0.03, "cycles_per_rev": 4.37, "phase_rad": 0.7},
+    compared_at={
+        "amplitude_nm": 0.03,
+        "cycles_per_rev": 4.37,
+        "phase_rad": 0.7,
+        "second_in_phase": 0.1,
+        "second_in_quadrature": -0.15,
+    },
     exports=row(
-        own("actuator/dcmotor cogging", needs="MuJoCo 4.0 or later"),
+        own("actuator/dcmotor cogging, one element a harmonic", needs="MuJoCo 4.0 or later"),
         *[left_out("no torque by the angle of a joint")] * 3,
     ),
     resembles=(
@@ -63,5 +99,5 @@ EFFECT = Effect(
         ("torque", "wheel_angle"),
         ("torque", "motor_angle"),
     ),
-    exports_dcmotor=own("actuator/dcmotor cogging"),
+    exports_dcmotor=own("actuator/dcmotor cogging, one element a harmonic"),
 )

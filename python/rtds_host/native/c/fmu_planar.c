@@ -45,6 +45,7 @@ struct fmu_model {
   double back_emf_v_s_per_rad[2], rotor_kg_m2[2], viscous_nm_s_per_rad[2], voltage_gain[2], deadzone_v[2], drop_v[2];
   double pwm_curve[2], heat_rise_per_w[2], heat_tau_s[2], stribeck_nm[2], stribeck_rad_s[2], asymmetry_nm[2];
   double asymmetry_nm_s_per_rad[2], load_share[2], ripple_nm[2], ripple_cycles[2], ripple_phase_rad[2], radius_m[2];
+  double ripple_in_phase[2], ripple_in_quadrature[2];
   double speed_gain[2], current_gain[2], current_bias_a[2], speed_filter_s[2], speed_delay_s[2];
   double command_gain[2]; /* of a speed asked for, before the servo */
   double gear_ratio, forms[2][MOST][WIDTH];
@@ -429,8 +430,9 @@ static void drive(fmu_model *m, const double asked[2], int k, double h, double a
            m->acts[k][FLUID];
   const double gear = m->gear_nm_per_a[k] * (1.0 + m->acts[k][CONSTANT]);
   const double damping = gear * ke / *ohm + *fluid;
-  const double ripple = m->ripple_nm[k] * sin(m->ripple_cycles[k] * (m->th[k] + 0.5 * h * m->w[k]) +
-                                              m->ripple_phase_rad[k]);
+  const double at = m->ripple_cycles[k] * (m->th[k] + 0.5 * h * m->w[k]) + m->ripple_phase_rad[k];
+  const double ripple =
+      m->ripple_nm[k] * (sin(at) + m->ripple_in_phase[k] * sin(2.0 * at) + m->ripple_in_quadrature[k] * cos(2.0 * at));
   *extra = ripple + m->acts[k][DRIVE];
   a[k][k] += 0.5 * h * damping;
   b[k] += h * (gear * *volts / *ohm + *extra - 0.5 * damping * m->w[k]);
