@@ -179,9 +179,10 @@ def act(rows, quantities, past, acts):
         term, over = int(row[TERM]), int(row[OVER])
         if term == 0:
             continue
-        x = quantities[MEAN_I if over == _I and term != _VOLTAGE else over - 1]
         if over == _HEAT:
             x = past[HEATS + n]
+        else:
+            x = quantities[MEAN_I if over == _I and term != _VOLTAGE else over - 1]
         value, slope = curve(row, x)
         if over == _HISTORY and quantities[_V - 1] < 0.0:
             value = -value
@@ -292,9 +293,10 @@ def remember(rows, torque, current, h, past):
     """
     past[GEAR_LOAD] = filtered_load(past[GEAR_LOAD], torque, h)
     for n in range(MOST_FORMS):
-        row = rows[n]
-        if row[TERM] != 0.0 and row[OVER] == _HEAT:
-            past[HEATS + n] = warmed(past[HEATS + n], current, h, row[TAU])
+        tau = rows[n][TAU]
+        # Only a form over a heat has one. Each replay with a form passes here at each step: one number is looked at.
+        if tau > 0.0:
+            past[HEATS + n] = warmed(past[HEATS + n], current, h, tau)
 
 
 @loop
