@@ -158,7 +158,7 @@ def over_runs(problem: Problem, parts: Sequence[Prediction]) -> list[Errors]:
 def over_pieces(problem: Problem, parts: Sequence[Prediction]) -> list[Errors]:
     """The same over pieces of an axis' runs that each start from the measured state; empty for a robot.
 
-    Channels are those of the search's residual, angles as well as speeds.
+    The channels are those that the gap counts (contract, section 4): next to a speed, an angle has no vote.
     """
     if problem.robot.axis is None:
         return []
@@ -181,7 +181,12 @@ def over_pieces(problem: Problem, parts: Sequence[Prediction]) -> list[Errors]:
             np.concatenate([values[rows] for _, rows in mine]) for values in (pieces.times, pieces.channels_of)
         )
         there = (times >= t[one.first]) & (times <= t[one.last - 1])
-        return {CHANNELS[c]: gaps.squares(residual[there & (channels == c)]) for c in np.unique(channels[there])}
+        counted = gaps.gap_channels(problem.whole[one.run].log, problem.robot)
+        return {
+            CHANNELS[c]: gaps.squares(residual[there & (channels == c)])
+            for c in np.unique(channels[there])
+            if CHANNELS[c] in counted
+        }
 
     return list(problem.pool.map(errors, parts))
 

@@ -8,15 +8,16 @@ import numpy as np
 import pytest
 from diagnosis_cases import make_run
 
-from rtds_host.contract import Case, builtin_robot
+from rtds_host.contract import Axis, Case, RunLog, RunMeta, builtin_robot
 from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.attribution import attribute
 from rtds_host.diagnosis.evidence import enough_to_include
 from rtds_host.diagnosis.fit import Fit, joined, scaled
-from rtds_host.diagnosis.left_out import left_out, left_out_gap, parted
+from rtds_host.diagnosis.left_out import left_out, left_out_gap, over_pieces, parted, predicted
 from rtds_host.diagnosis.problem import Problem
-from rtds_host.diagnosis.replay.model import nominal_model, replay_run
+from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.search.driver import Search
+from rtds_host.plant.schema import OUTPUT_INDEX
 
 COULOMB = ("coulomb_friction", "both")
 
@@ -96,6 +97,19 @@ def test_of_a_single_run_each_half_is_left_out_in_turn(monkeypatch, searched):
     assert np.array_equal(np.sort(np.concatenate([first[2], second[2]])), np.arange(search.problem.size))
     together = search.problem.gap(fit.model(search.problem))
     assert left_out_gap(search.problem, fit) > together > 1.1
+
+
+@pytest.mark.parametrize(("measured", "counted"), [(("w_l", "th_l"), {"w_l"}), (("th_l",), {"th_l"})])
+def test_pieces_judge_by_the_channels_that_the_gap_counts(measured, counted):
+    """An angle next to a speed helps to find an effect, and has no vote."""
+    robot = replace(builtin_robot("burger"), chassis=None, axis=Axis("inertia", 1e-3))
+    t = np.arange(0.0, 4.0, 0.005)
+    log = RunLog("swing", RunMeta(), t, {"v_cmd_l": 5.0 * np.sin(9.0 * t)})
+    out = replay_run(nominal_model(robot), run_inputs(log, robot))
+    log.columns.update({c: out[:, OUTPUT_INDEX[c]] for c in measured})
+    problem = Problem(Case("swing", robot, (log, replace(log, name="again"))), 1)
+    fit = Search(problem).begin()
+    assert [set(errors) for errors in over_pieces(problem, predicted(problem, fit))] == [counted, counted]
 
 
 def test_what_one_run_alone_knows_of_and_fits_amiss_in_the_others_is_not_included():
