@@ -24,7 +24,7 @@ from rtds_host.diagnosis.replay.model import Model, nominal_model
 from rtds_host.errors import InputError
 from rtds_host.motor.effects import Curve, MotorParameters, SupplyEffects, UnitEffects
 from rtds_host.plant import forms
-from rtds_host.plant.driver import duty
+from rtds_host.plant.driver import after_bridge_drop, duty
 from rtds_host.plant.elementary import exponential
 from rtds_host.plant.friction import rolling, stribeck
 from rtds_host.plant.schema import COMMON, LOG, PLACES, REFUSED, SIDE
@@ -40,6 +40,8 @@ STRIBECK_POINTS, STRIBECK_WIDTHS = 97, 3.5
 # A bent command against the asked one: points of a curve.
 PWM_POINTS = 129
 RIPPLE_POINTS = 129
+# Drop against current: points of a curve, over so many widths of its bend.
+DROP_POINTS, DROP_WIDTHS = 65, 4.0
 # Torques against speed: points of a curve.
 SPEED_POINTS = 129
 # Numerical: two branches of a form that differ at zero by less than this share of its size do not jump there.
@@ -179,14 +181,14 @@ def _refuse(get: _Parameters, robot: Robot) -> None:
 def _unit(get: _Parameters, k: int, robot: Robot, mass: float, start_angle: float) -> UnitEffects:
     n = get("gear_ratio")
     forward, backward = _friction(get, k, n, mass)
-    limit, drop = get("limit", k), get("drop", k)
+    limit = get("limit", k)
     heat, tau = get("heat_rise", k), get("heat_tau", k)
     over_angle, periods, start = _over_angle(get, k, n, start_angle)
     return UnitEffects(
         motor=_motor(get, k, robot, n),
         command=_command(get, k),
         limit_v=limit if limit < NO_LIMIT_V else math.inf,
-        drop=Curve((0.0, 0.0), (-drop, drop)) if drop else None,
+        drop=_drop(get, k),
         friction_forward=forward,
         friction_backward=backward,
         torque=_over_speed(get, k, n),
@@ -272,13 +274,14 @@ def _held(unit: UnitEffects, row: np.ndarray, over: str, robot: Robot, start: fl
 def _with_drop(unit: UnitEffects, high: float, values: np.ndarray, ohm: float) -> UnitEffects | None:
     """The unit with a voltage over the current, (POINTS,) V up to `high` A, in its table of drops; None where voltage
     over winding and drop does not grow with the current, which that table is looked up by."""
-    most = unit.drop.at(1.0) if unit.drop else 0.0
     half = np.linspace(0.0, high, forms.HALF)
     x = np.concatenate([-half[::-1], half])
     drops = -values
     if abs(drops[forms.HALF] - drops[forms.HALF - 1]) < NO_JUMP * float(np.abs(values).max()):
         drops[forms.HALF - 1 : forms.HALF + 1] = 0.5 * (drops[forms.HALF] + drops[forms.HALF - 1])
-    y = drops + np.repeat([-most, most], forms.HALF)
+    if unit.drop:
+        drops += [*map(unit.drop.before, x[: forms.HALF]), *map(unit.drop.at, x[forms.HALF :])]
+    y = drops
     if (np.diff(ohm * x + y) < 0.0).any():
         return None
     return replace(unit, drop=Curve(tuple(x), tuple(y)))
@@ -310,6 +313,16 @@ def _command(get: _Parameters, k: int) -> Curve | None:
         return Curve((0.0,), (0.0,))
     x = np.linspace(-top, top, PWM_POINTS).tolist() if bend else sorted({-top, -dead, dead, top} - {0.0, -0.0})
     return Curve(tuple(x), tuple(duty.py_func(volts, top, bend, dead, gain) for volts in x))
+
+
+def _drop(get: _Parameters, k: int) -> Curve | None:
+    """Drop over the current, V over A: two levels, or the law at points of the voltage that drives the current."""
+    drop, knee, ohm = get("drop", k), get("drop_knee", k), get("resistance", k)
+    if not drop or not knee:
+        return Curve((0.0, 0.0), (-drop, drop)) if drop else None
+    drives = (drop + knee * ohm) * np.linspace(-DROP_WIDTHS, DROP_WIDTHS, DROP_POINTS)
+    dropped = [-after_bridge_drop.py_func(u, 0.0, drop, knee, ohm) + u for u in drives.tolist()]
+    return Curve(tuple((drives - dropped) / ohm), tuple(dropped))
 
 
 def _friction(get: _Parameters, k: int, n: float, mass: float) -> tuple[Curve | None, Curve | None]:

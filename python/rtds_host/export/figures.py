@@ -41,6 +41,7 @@ class Side:
     limit_v: float
     deadzone_v: float
     drop_v: float
+    drop_knee_a: float
     pwm_curve: float
     heat_rise_per_w: float
     heat_tau_s: float

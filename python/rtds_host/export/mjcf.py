@@ -252,9 +252,11 @@ def _numbers(figures: Figures, actuator: str) -> dict[str, tuple[float, ...]]:
     def both(name: str) -> tuple[float, ...]:
         return tuple(getattr(side, name) for side in figures.sides)
 
-    drop = both("drop_v")
+    drop, knee = both("drop_v"), both("drop_knee_a")
     there: dict[str, tuple[tuple[float, ...], float | None]] = {
         "drop_v": (drop, 0.0),
+        "drop_knee_a": (knee, 0.0),
+        "resistance_ohm": (both("resistance_ohm") if any(knee) else (0.0,), 0.0),
         "back_emf_v_s_per_rad": (both("back_emf_v_s_per_rad") if any(drop) else (0.0,), 0.0),
         "voltage_gain": (both("voltage_gain") if any(drop) else (1.0,), 1.0),
         "deadzone_v": (both("deadzone_v"), 0.0),

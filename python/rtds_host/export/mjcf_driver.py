@@ -90,7 +90,8 @@ class Driver:
         speeds = [float(data.qvel[dof]) for dof in self.dofs]
         asked = self._servo(data.time, left, right, speeds)
         curve, dead = self.number("pwm_curve"), self.number("deadzone_v")
-        drop, emf, gain = (self.number(name) for name in ("drop_v", "back_emf_v_s_per_rad", "voltage_gain"))
+        drop, knee, resistance = (self.number(name) for name in ("drop_v", "drop_knee_a", "resistance_ohm"))
+        emf, gain = self.number("back_emf_v_s_per_rad"), self.number("voltage_gain")
         asked = [clipped(volts, self.supply) for volts in asked]
         currents = self.currents(data)
         if not self.measured_bus:
@@ -106,7 +107,8 @@ class Driver:
             level = duty(asked[k], self.supply, curve[k], dead[k], 1.0)
             volts = (level + (more[k] / gain[k] if gain[k] else 0.0)) * self.bus / self.supply
             if drop[k] and gain[k]:
-                volts = after_bridge_drop(gain[k] * volts, emf[k] * speeds[k], drop[k]) / gain[k]
+                there = after_bridge_drop(gain[k] * volts, emf[k] * speeds[k], drop[k], knee[k], resistance[k])
+                volts = there / gain[k]
             data.ctrl[self.motors[k]] = volts
             by_speed = self.number("asymmetry_nm_s_per_rad")[k]
             if by_speed:

@@ -317,7 +317,9 @@ class ExportedRobot:
         # A driver's gain acts behind the command: resistance times the actuator's gain.
         gain = self.gains
         emf = self.number("back_emf_v_s_per_rad", 0.0) * speeds
-        reached = np.array([after_bridge_drop.py_func(gain[k] * volts[k], emf[k], drop[k]) for k in (0, 1)])
+        knee, ohm = self.number("drop_knee_a", 0.0), self.number("resistance_ohm", 0.0)
+        behind = after_bridge_drop.py_func
+        reached = np.array([behind(gain[k] * volts[k], emf[k], drop[k], knee[k], ohm[k]) for k in (0, 1)])
         return np.where(gain == 0.0, volts, reached / np.where(gain == 0.0, 1.0, gain))
 
     def _held_currents(self, data: mujoco.MjData) -> np.ndarray:

@@ -89,6 +89,7 @@ def parameters(figures: Figures) -> dict[str, Any]:
                 "voltage_gain",
                 "deadzone_v",
                 "drop_v",
+                "drop_knee_a",
                 "pwm_curve",
                 "heat_rise_per_w",
                 "heat_tau_s",

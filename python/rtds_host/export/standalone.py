@@ -226,7 +226,9 @@ class Robot:
         volts, ohm, fluid, extra = [0.0, 0.0], [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]
         for k in (0, 1):
             level = (self._volts(asked[k], k) + self.acts[k][VOLTS]) * self.bus / top
-            volts[k] = winding_voltage(level, ke[k] * w[k], p["limit_v"][k], p["drop_v"][k])
+            volts[k] = winding_voltage(
+                level, ke[k] * w[k], p["limit_v"][k], p["drop_v"][k], p["drop_knee_a"][k], p["resistance_ohm"][k]
+            )
             ohm[k] = warm(p["resistance_ohm"][k], self.rise[k])
             fluid[k] = viscous(p["viscous_nm_s_per_rad"][k], p["asymmetry_nm_s_per_rad"][k], w[k])
             fluid[k] += self.acts[k][FLUID]

@@ -67,6 +67,7 @@ def write(figures: Figures, comment: str) -> str:
             "deadzone_v": side.deadzone_v,
             "pwm_curve": side.pwm_curve,
             "drop_v": side.drop_v,
+            "drop_knee_a": side.drop_knee_a,
             "command_gain": side.command_gain,
         }
         sensors[f"wheel_{name}"] = {

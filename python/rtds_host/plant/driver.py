@@ -33,21 +33,34 @@ def duty(volts, supply, curve, deadzone, gain):
 
 
 @law
-def after_bridge_drop(volts, emf, drop):
-    """Voltage at a winding, V, after the bridge's drop: V - drop sgn(i) (contract, section 3).
+def after_bridge_drop(volts, emf, drop, knee, resistance):
+    """Voltage at a winding, V, after the bridge's drop: V - drop tanh(i / knee), and V - drop sgn(i) without a knee
+    (contract, section 3).
 
-    The current i has the sign of V - emf. The drop is at most |V - emf|: it can stop the current, not reverse it. A
-    negative drop is subtracted with its full size |drop|, even where that reverses the current. All in V.
+    volts, emf, drop : V; knee : A; resistance : of the winding, ohm. The current i has the sign of V - emf. Without a
+    knee the drop is at most |V - emf|: it can stop the current, not reverse it. A negative drop is subtracted with its
+    full size |drop|, even where that reverses the current. With a knee V - emf = R i + drop tanh(i / knee) is solved
+    for the drop within 3 % of its full size, as long as the knee is no larger than drop / R.
     """
     u = volts - emf
     against = -drop if u > 0.0 else (drop if u < 0.0 else 0.0)
-    return volts - (min(max(u, -drop), drop) if drop > 0.0 else against)
+    against = min(max(u, -drop), drop) if drop > 0.0 else against
+    whole = drop + knee * resistance
+    per = 1.0 / whole if whole > 0.0 else 0.0
+    x = u * per
+    # Numerical: at this bend the error stays smallest, whatever the knee.
+    bend = 0.22 * knee * resistance * per
+    bent = 0.5 * drop * (math.sqrt((x + 1.0) * (x + 1.0) + bend) - math.sqrt((x - 1.0) * (x - 1.0) + bend))
+    return volts - (bent if drop > 0.0 and knee > 0.0 else against)
 
 
 @law
-def winding_voltage(volts, emf, limit, drop):
-    """Voltage at a winding, V: the driver's output saturated at ±limit, minus the bridge's drop. All in V."""
-    return after_bridge_drop(clipped(volts, limit), emf, drop)
+def winding_voltage(volts, emf, limit, drop, knee, resistance):
+    """Voltage at a winding, V: the driver's output saturated at ±limit V, minus the bridge's drop.
+
+    The rest as of `after_bridge_drop`.
+    """
+    return after_bridge_drop(clipped(volts, limit), emf, drop, knee, resistance)
 
 
 @law

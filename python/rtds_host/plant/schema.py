@@ -32,6 +32,7 @@ SIDE = _table(
     Entry("voltage_gain", "1", 1.0, RTL, "voltage_gain", "driver"),
     Entry("deadzone", "V", 0.0, RTL, "deadzone_v", "driver"),
     Entry("drop", "V", 0.0, RTL, "drop_v", "against the current"),
+    Entry("drop_knee", "A", 0.0, RTL, "drop_knee_a", "current at which 0.76 of the drop is reached"),
     Entry("limit", "V", 1e9, RTL, "limit_v", "largest voltage", **_MORE),
     Entry("heat_rise", "1/W", 0.0, RTL, "heat_rise_per_w", "steady relative rise of R a watt"),
     Entry("heat_tau", "s", 1e9, RTL, "heat_tau_s", "thermal time constant", **_MORE),

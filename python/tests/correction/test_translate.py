@@ -20,6 +20,7 @@ WITH = {
     "stribeck_speed": {"stribeck": 0.02},
     "ripple_cycles": {"ripple": 0.02},
     "ripple_phase": {"ripple": 0.02},
+    "drop_knee": {"drop": 0.3},
     "ripple_in_phase": {"ripple": 0.02},
     "ripple_in_quadrature": {"ripple": 0.02},
     "heat_tau": {"heat_rise": 0.1},

@@ -36,7 +36,7 @@ MANY = [
     ("torque_ripple", "both", SIZES["torque_ripple"]),
     ("winding_heating", "both", values_of("winding_heating")),
     ("load_friction", "right", {"ratio": 0.2}),
-    ("bridge_drop", "both", {"volts": 0.3}),
+    ("bridge_drop", "both", {"volts": 0.3, "knee_a": 0.02}),
     ("measurement_delay", "both", {"seconds": 0.008}),
 ]
 

@@ -158,7 +158,10 @@ def test_motors_alone_leave_a_form_out_that_no_table_of_theirs_holds(tmp_path):
 
 def test_parameters_and_tables_set_from_outside_make_another_robots_motors(motors_fmu, tmp_path):
     other = motor_units(
-        model_with(("bridge_drop", "both", {"volts": 0.4}), ("resistance_error", "left", {"ratio": 1.3})), ROBOT
+        model_with(
+            ("bridge_drop", "both", {"volts": 0.4, "knee_a": 0.03}), ("resistance_error", "left", {"ratio": 1.3})
+        ),
+        ROBOT,
     )
     start = {
         "effects.on": int(other.words.on),

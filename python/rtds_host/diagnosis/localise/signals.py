@@ -181,8 +181,9 @@ class Signals:
         limit = model.get("limit", k)
         end, mean = np.clip(end, -limit, limit), np.clip(mean, -limit, limit)
         if model.get("drop", k):
-            end = end - model.get("drop", k) * np.tanh((end - ke * self.w[k]) / SIGN_V)
-            mean = mean - model.get("drop", k) * np.tanh((mean - ke * middles(self.w[k])) / SIGN_V)
+            width = SIGN_V + model.get("drop_knee", k) * model.get("resistance", k)
+            end = end - model.get("drop", k) * np.tanh((end - ke * self.w[k]) / width)
+            mean = mean - model.get("drop", k) * np.tanh((mean - ke * middles(self.w[k])) / width)
         self.v_end[k], self.v_mean[k] = end, mean
         res = model.get("resistance", k) * np.ones(self.n)
         if model.get("heat_rise", k):

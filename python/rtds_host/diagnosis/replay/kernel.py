@@ -33,7 +33,9 @@ from rtds_host.plant.torques import TORQUES
 TRIALS = 2
 
 R, L, KM, KB, J, B = side_indices("resistance", "inductance", "torque_constant", "back_emf", "rotor_inertia", "viscous")
-CURVE, V_GAIN, DEADZONE, DROP, LIMIT = side_indices("pwm_curve", "voltage_gain", "deadzone", "drop", "limit")
+CURVE, V_GAIN, DEADZONE, DROP, LIMIT, KNEE = side_indices(
+    "pwm_curve", "voltage_gain", "deadzone", "drop", "limit", "drop_knee"
+)
 RADIUS, HEAT_RISE, HEAT_TAU, C_GAIN = side_indices("radius", "heat_rise", "heat_tau", "command_gain")
 COULOMB, STRIBECK, STRIBECK_W = side_indices("coulomb", "stribeck", "stribeck_speed")
 VISCOUS_W, ASYM, ASYM_V, LOAD = side_indices("viscous_wheel", "asymmetry", "asymmetry_viscous", "load_share")
@@ -359,7 +361,9 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                         # What the current comes to with the forms of the step before.
                         emf = ke[k] * wm[k]
                         volts = (vd[k] + acts[k, forms.VOLTS]) * level
-                        volts = driver.winding_voltage(volts, emf, side[k, LIMIT], side[k, DROP])
+                        volts = driver.winding_voltage(
+                            volts, emf, side[k, LIMIT], side[k, DROP], side[k, KNEE], side[k, R]
+                        )
                         mean = motor.even_current(cur[k], volts, emf, decay[k], rise_v[k], mean_v[k], mean_i[k])
                         about[forms.MEAN_I] = mean
                     forms.act(curves[k], about, past[k], acts[k])
@@ -376,7 +380,9 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                 for k in range(sides):
                     # What the current comes to at the bus before and an even speed.
                     emf = ke[k] * wm[k]
-                    volts = driver.winding_voltage(ve[k] * level, emf, side[k, LIMIT], side[k, DROP])
+                    volts = driver.winding_voltage(
+                        ve[k] * level, emf, side[k, LIMIT], side[k, DROP], side[k, KNEE], side[k, R]
+                    )
                     im[k] = motor.even_current(cur[k], volts, emf, decay[k], rise_v[k], mean_v[k], mean_i[k])
             if axis == 2:
                 weight = ground.pendulum(swung, com[AX_ARM], th[0] + 0.5 * h * wn[0] - com[AX_ZERO], math.sin)
@@ -397,7 +403,9 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                         slope_w = 0.0
                         c0[k], c1[k], m0[k], m1[k] = 0.0, 0.0, 0.0, 0.0
                     else:
-                        volts = driver.winding_voltage(ve[k] * level, ke[k] * wmn[k], side[k, LIMIT], side[k, DROP])
+                        volts = driver.winding_voltage(
+                            ve[k] * level, ke[k] * wmn[k], side[k, LIMIT], side[k, DROP], side[k, KNEE], side[k, R]
+                        )
                         c0[k], m0[k] = motor.armature(
                             cur[k], volts, ke[k], wmn[k], decay[k], rise_v[k], mean_v[k], mean_i[k], c1[k]
                         )

@@ -33,12 +33,12 @@ ALIKE_S = 1e-10
 # order; of the robot, likewise; and of what is the same in a run.
 # fmt: off
 (RES, IND, LIM, DROP, ASYM_V, HEAT, HEAT_TAU, ASYM, RADIUS, SPEED_TAU, STRIBECK, STRIBECK_W, W_GAIN, I_GAIN, I_BIAS,
- CURVE, DEADZONE, V_GAIN, SLIP, LENGTH, LOAD, BACKLASH, RESTITUTION, STIFF, DAMP) = (
+ CURVE, DEADZONE, V_GAIN, SLIP, LENGTH, LOAD, BACKLASH, RESTITUTION, STIFF, DAMP, KNEE) = (
     k * SIMD_WIDTH for k in side_indices(
         "resistance", "inductance", "limit", "drop", "asymmetry_viscous", "heat_rise", "heat_tau", "asymmetry",
         "radius", "speed_tau", "stribeck", "stribeck_speed", "speed_gain", "current_gain", "current_bias", "pwm_curve",
         "deadzone", "voltage_gain", "slip", "slip_relaxation", "load_share", "backlash", "restitution", "stiffness",
-        "damping"))
+        "damping", "drop_knee"))
 _SIDE_ROWS = len(SIDE) + 70
 (KE, GKM, INERTIA, FLUID, FRICTION, EXTRA, TH, W, CUR, RISE, WF, VA, VD, STICK, WN, C0, M0, DECAY, RISE_V, MEAN_V,
  MEAN_I, C1, M1, FADE, THETA, PER_SHEAR, AM, BM, RIGID, HI, LO, SHAPED, FORCE, ALPHA, BETA, SHEAR_TAU, GRIP,
@@ -179,7 +179,9 @@ def _formed(s, job, curved, which, sides, coms, curves, shaped, about, acts, pas
             about[one.OVER_TH], about[one.OVER_MOTOR] = at, coms[model, one.GEAR] * at
             emf = s[o + KE] * s[o + WM]
             # What the current comes to with the forms of the step before.
-            volts = driver.winding_voltage((s[o + OWN_VD] + s[o + MADE]) * s[LEVEL + l], emf, s[o + LIM], s[o + DROP])
+            volts = driver.winding_voltage(
+                (s[o + OWN_VD] + s[o + MADE]) * s[LEVEL + l], emf, s[o + LIM], s[o + DROP], s[o + KNEE], s[o + RES]
+            )
             decay, rise_v, mean_v, mean_i = s[o + DECAY], s[o + RISE_V], s[o + MEAN_V], s[o + MEAN_I]
             about[forms.MEAN_I] = motor.even_current(s[o + CUR], volts, emf, decay, rise_v, mean_v, mean_i)
             forms.act(curves[model, k], about, past[l, k], acts)
@@ -548,7 +550,14 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                 for l in range(lanes):
                     w, cur = s[o + WMN + l], s[o + CUR + l]
                     emf = s[o + KE + l] * w
-                    volts = driver.winding_voltage(s[o + VD + l] * s[LEVEL + l], emf, s[o + LIM + l], s[o + DROP + l])
+                    volts = driver.winding_voltage(
+                        s[o + VD + l] * s[LEVEL + l],
+                        emf,
+                        s[o + LIM + l],
+                        s[o + DROP + l],
+                        s[o + KNEE + l],
+                        s[o + RES + l],
+                    )
                     decay, rise_v, mean_v, mean_i = (
                         s[o + DECAY + l],
                         s[o + RISE_V + l],
@@ -605,7 +614,9 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                     w = s[o + WMN + l]
                     ke = s[o + KE + l]
                     asked = s[o + VD + l] * s[LEVEL + l]
-                    volts = driver.winding_voltage(asked, ke * w, s[o + LIM + l], s[o + DROP + l])
+                    volts = driver.winding_voltage(
+                        asked, ke * w, s[o + LIM + l], s[o + DROP + l], s[o + KNEE + l], s[o + RES + l]
+                    )
                     decay, rise_v, mean_v = s[o + DECAY + l], s[o + RISE_V + l], s[o + MEAN_V + l]
                     c0, m0 = motor.armature(
                         s[o + CUR + l], volts, ke, w, decay, rise_v, mean_v, s[o + MEAN_I + l], s[o + C1 + l]

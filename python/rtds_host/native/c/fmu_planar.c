@@ -43,6 +43,7 @@ struct fmu_model {
   double yaw_inertia_kg_m2, wheel_inertia_kg_m2, track_m, com_x_m, com_y_m, slope_extra_rad, rolling, scrub_nm;
   double gyro_gain, gyro_bias_rad_s, dry_nm[2], limit_v[2], resistance_ohm[2], gear_nm_per_a[2];
   double back_emf_v_s_per_rad[2], rotor_kg_m2[2], viscous_nm_s_per_rad[2], voltage_gain[2], deadzone_v[2], drop_v[2];
+  double drop_knee_a[2];
   double pwm_curve[2], heat_rise_per_w[2], heat_tau_s[2], stribeck_nm[2], stribeck_rad_s[2], asymmetry_nm[2];
   double asymmetry_nm_s_per_rad[2], load_share[2], ripple_nm[2], ripple_cycles[2], ripple_phase_rad[2], radius_m[2];
   double ripple_in_phase[2], ripple_in_quadrature[2];
@@ -418,13 +419,20 @@ static void slip(const fmu_model *m, double a[2][2], const double b[2], double h
     if (bounds[n].wheel < 2) at_wheels[bounds[n].wheel] = bounds[n].impulse;
 }
 
+/* What bridge and brushes drop of a voltage u; soft: the knee's current times the resistance. */
+static double dropped(double u, double drop, double soft) {
+  if (drop <= 0.0 || soft <= 0.0) return within(u, -drop, drop);
+  const double x = u / (drop + soft), bend = 0.22 * soft / (drop + soft);
+  return 0.5 * drop * (sqrt((x + 1.0) * (x + 1.0) + bend) - sqrt((x - 1.0) * (x - 1.0) + bend));
+}
+
 /* What side k adds to the half implicit step: damping to a, impulse to b. */
 static void drive(fmu_model *m, const double asked[2], int k, double h, double a[2][2], double b[2], double *volts,
                   double *ohm, double *fluid, double *extra) {
   /* What changes the torque of a current changes the back-EMF of a speed by the same share. */
   const double ke = m->back_emf_v_s_per_rad[k] * (1.0 + m->acts[k][CONSTANT]), limit = m->limit_v[k];
   const double u = within((driver(m, asked[k], k) + m->acts[k][VOLTS]) * m->bus / m->supply_v, -limit, limit);
-  *volts = u - within(u - ke * m->w[k], -m->drop_v[k], m->drop_v[k]);
+  *volts = u - dropped(u - ke * m->w[k], m->drop_v[k], m->drop_knee_a[k] * m->resistance_ohm[k]);
   *ohm = m->resistance_ohm[k] * (1.0 + m->rise[k]);
   *fluid = m->viscous_nm_s_per_rad[k] + copysign(m->asymmetry_nm_s_per_rad[k], m->w[k]) +
            m->acts[k][FLUID];
