@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from rtds_host.diagnosis.choice import MAX_RESIDUAL_RATIO, HeldOutScore, residual_ratio
+from rtds_host.diagnosis.choice import MAX_RESIDUAL_RATIO, HeldOutScore, moved, pooled, residual_ratio
 from rtds_host.diagnosis.evidence import enough_to_include, excess, gap_gain, likelihood_gain, log_odds
 from rtds_host.diagnosis.fit import Fit, Hypothesis, joined
 from rtds_host.diagnosis.gap import LEAST
@@ -39,7 +39,7 @@ class EffectEvidence:
     gaps : without and with it; gain : of log likelihood by it; t : the gain over its standard deviation, estimated from
     its scatter between blocks of time; share : by how much it reduces the likelihood's excess over white noise, as a
     share of that without it; residual_ratio : the residual with it over that without it, on held-out runs
-    (`choice.residual_ratio`); probability : that it is present.
+    (`choice.residual_ratio`); closes : by how much the gap is smaller with it, there; probability : that it is present.
     """
 
     cause: Cause
@@ -50,6 +50,7 @@ class EffectEvidence:
     t: float
     share: float
     residual_ratio: float
+    closes: float
     probability: float
 
 
@@ -153,7 +154,10 @@ def _evidence_for(store: Store, fit: Fit, cause: Cause, refitted: Fit) -> Effect
     gain, t = likelihood_gain(problem, fit, refitted)
     without, gap = _smallest_gap(store, fit, refitted)
     score = HeldOutScore.of(problem, fit)
-    ratio = max(residual_ratio(score, HeldOutScore.of(problem, one)) for one in dict.fromkeys((without, refitted)))
+    others = [HeldOutScore.of(problem, one) for one in dict.fromkeys((without, refitted))]
+    ratio = max(residual_ratio(score, other) for other in others)
+    least = max(pooled(score, other) * moved(score, other) for other in others)
+    closes = math.sqrt(1.0 + score.residual_power / least) - score.gap
     evidence = [log_odds(gain, t), log_odds(*gap_gain(problem, fit, without))]
     if not store.within_noise(fit):
         # The log likelihood ratio of held-out runs: each block of time is one Gaussian sample of unknown variance.
@@ -161,7 +165,7 @@ def _evidence_for(store: Store, fit: Fit, cause: Cause, refitted: Fit) -> Effect
     odds = store.log_prior((cause,)) + max(evidence)
     probability = 1.0 / (1.0 + math.exp(-max(min(odds, 50.0), -50.0)))
     gaps, share = (gap, problem.gap_as_fitted(fit.model(problem))), store.excess_reduction(fit, refitted)
-    return EffectEvidence(cause, without, refitted, gaps, gain, t, share, ratio, probability)
+    return EffectEvidence(cause, without, refitted, gaps, gain, t, share, ratio, closes, probability)
 
 
 def _smallest_gap(store: Store, fit: Fit, without: Fit) -> tuple[Fit, float]:
@@ -188,8 +192,8 @@ def _weakest(store: Store, fit: Fit, effects: list[EffectEvidence]) -> tuple[Eff
     if one.residual_ratio > MAX_RESIDUAL_RATIO:
         return one, f"{NOT_CROSS_VALIDATED} (it leaves {min(one.residual_ratio, 9.99):.2f} of the unexplained part)"
     # Almost any effect reduces the gap by a small share of the gap without effects.
-    one = min(effects, key=lambda s: s.gaps[0] - s.gaps[1])
-    return (one, NEGLIGIBLE) if one.gaps[0] - one.gaps[1] < FEW_SHARE * store.gap(store.fits[()]) else None
+    one = min(effects, key=lambda s: s.closes)
+    return (one, NEGLIGIBLE) if one.closes < FEW_SHARE * store.gap(store.fits[()]) else None
 
 
 def _negligible_gap(store: Store, fit: Fit, one: EffectEvidence) -> float | None:

@@ -6,6 +6,11 @@ however large its likelihood. The residual is G^2 - 1, the squared gap minus tha
 channels at once, and as the geometric mean over channels. So a channel with a large residual does not hide an effect
 that only a channel with a small one shows.
 
+What a file declares of constants is evidence as well. A ratio within three sigmas of a tolerance is no effect, and one
+beyond them is (contract, section 2). So constants that are moved by three sigmas, together, count as much as one
+effect. Else an explanation whose constants lie at the ends of their tolerances would hide the effects that they make up
+for.
+
 The unit of the gap is here the noise that samples show (`gate.sample_noise`), so that the choice does not depend on the
 noise that a file declares. If that were three times too small, white noise would count as unexplained, and each effect
 would seem to reduce the residual by a smaller share.
@@ -26,11 +31,15 @@ from functools import cached_property
 from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.fit import Fit
 from rtds_host.diagnosis.left_out import Errors, Prediction, as_fitted, over_pieces, over_runs, predicted
+from rtds_host.diagnosis.nuisances import SIGMAS
 from rtds_host.diagnosis.problem import Problem
 
 # The residual with an effect over that without it, at most, on held-out runs. A heuristic, set on
 # cases whose causes were known.
 MAX_RESIDUAL_RATIO = 0.75
+# As how many samples of unknown size a residual counts next to priors: the least gain of an effect in its logarithm is
+# worth a constant that stays as declared in place of moving by three sigmas.
+SAMPLES = SIGMAS**2 / -math.log(MAX_RESIDUAL_RATIO)
 # Explanations are equivalent if the ratio of their gaps on held-out runs is at most this. A gap that is at most as many
 # times that of noise counts as none.
 EQUIVALENT_GAP_RATIO = gaps.LEAST
@@ -100,33 +109,41 @@ def pooled(one: HeldOutScore, other: HeldOutScore) -> float:
 
 def residual_ratio(one: HeldOutScore, other: HeldOutScore) -> float:
     """The residual of one explanation over that of another on held-out runs: the smaller of the ratio over all channels
-    at once and of the geometric mean over channels."""
+    at once and of the geometric mean over channels, times what declared constants moved further are worth."""
     ratio, powers = pooled(one, other), other.residual_power_by_channel
     mean = _mean([value / powers[key] for key, value in one.residual_power_by_channel.items() if key in powers])
     # An effect that reduces the residual of some channels but raises the total is no explanation. Equivalent totals are
     # no evidence against it: a channel with a large residual dominates them, such as that of a sensor with a lag.
-    return min(ratio, mean) if ratio <= EQUIVALENT_GAP_RATIO**2 else ratio
+    return (min(ratio, mean) if ratio <= EQUIVALENT_GAP_RATIO**2 else ratio) * moved(one, other)
+
+
+def moved(one: HeldOutScore, other: HeldOutScore) -> float:
+    """The factor of a residual that one explanation is worth less for moving declared constants further than another:
+    what a file declares is evidence as runs are."""
+    return math.exp(float(one.fit.z @ one.fit.z - other.fit.z @ other.fit.z) / SAMPLES)
+
+
+def posterior(one: HeldOutScore, prior: Callable[[Fit], float]) -> float:
+    """-2 log posterior density of an explanation but for a constant; prior : -2 log prior density of a fit."""
+    return prior(one.fit) + SAMPLES * math.log(one.residual_power)
 
 
 def chosen(found: Mapping[int, list[HeldOutScore]], prior: Callable[[Fit], float]) -> HeldOutScore:
     """The explanation with the most effects that held-out runs support.
 
     Some effects reduce the residual only together. So j further effects are supported if they reduce it to less than
-    `MAX_RESIDUAL_RATIO`^j of that with fewer effects. Of the supported explanations with that many effects and
-    equivalent gaps, the most probable one is chosen. Small and common effects are therefore preferred to large ones
-    that cancel, unless the latter leave a smaller residual in many runs. Each held-out run counts as one Gaussian
-    sample of unknown variance, since the errors of its blocks of time are correlated.
+    `MAX_RESIDUAL_RATIO`^j of that of the most probable explanation with fewer effects. Of the supported explanations
+    with that many effects, the most probable one is chosen. Small and common effects are therefore preferred to large
+    ones that cancel, unless the latter leave a smaller residual.
 
     Parameters
     ----------
     found : number of effects -> explanations; prior : -2 log prior density of a fit.
     """
     count = min(found)
-    supported, best = found[count], min(found[count], key=lambda one: one.gap)
+    best = min(found[count], key=lambda one: posterior(one, prior))
     for n in sorted(found):
         limit = MAX_RESIDUAL_RATIO ** (n - count)
         if n > count and (larger := [one for one in found[n] if residual_ratio(one, best) < limit]):
-            count, supported, best = n, larger, min(larger, key=lambda one: one.gap)
-    equivalent = [one for one in supported if one.gap <= EQUIVALENT_GAP_RATIO * best.gap]
-    # -2 log posterior density but for a constant.
-    return min(equivalent, key=lambda one: prior(one.fit) + len(one.horizons[0]) * math.log(one.residual_power))
+            count, best = n, min(larger, key=lambda one: posterior(one, prior))
+    return best

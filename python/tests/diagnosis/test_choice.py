@@ -1,20 +1,22 @@
 """The one criterion where a gap remains: what an effect leaves on runs that it was not fitted to."""
 
+import math
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from rtds_host.diagnosis.choice import MAX_RESIDUAL_RATIO, HeldOutScore, chosen, residual_ratio
 from rtds_host.diagnosis.gap import Squares
 
 
-def judged(*horizons, prior=0.0, runs=1):
+def judged(*horizons, prior=0.0, z=0.0):
     """An explanation by its gaps in speed and current; with two lists of them over whole runs and over pieces.
 
-    runs : how many were left out in turn, all with these gaps."""
+    z : by how many sigmas a declared constant was moved."""
     each = horizons if isinstance(horizons[0], tuple) else (horizons,)
-    parts = [[{c: Squares(gap**2, 1) for c, gap in zip(("w_l", "i_l"), gaps)}] * runs for gaps in each]
-    return HeldOutScore(SimpleNamespace(prior=prior), SimpleNamespace(), tuple(parts))
+    parts = [[{c: Squares(gap**2, 1) for c, gap in zip(("w_l", "i_l"), gaps)}] for gaps in each]
+    return HeldOutScore(SimpleNamespace(prior=prior, z=np.array([z])), SimpleNamespace(), tuple(parts))
 
 
 def taken(found):
@@ -63,17 +65,29 @@ def test_one_explanation_of_that_many_effects_is_enough_to_be_worth_them():
 
 def test_of_explanations_that_leave_as_much_the_one_more_probable_before_is_taken():
     """Two large effects that cancel leave a little less than two small ones."""
-    large, small, worse = judged(2.0, 2.0, prior=30.0), judged(2.1, 2.1, prior=20.0), judged(2.5, 2.5, prior=1.0)
+    large, small, worse = judged(2.0, 2.0, prior=30.0), judged(2.1, 2.1, prior=20.0), judged(2.5, 2.5, prior=10.0)
     assert taken({0: [judged(9.0, 9.0)], 2: [large, small, worse]}) is small
 
 
-@pytest.mark.parametrize(("runs", "first"), [(4, True), (200, False)])
-def test_a_little_less_in_each_of_many_runs_outweighs_what_was_more_probable_before(runs, first):
-    """A run left out is one sample of unknown size; its blocks of time are off in the same way, so that they are not
-    more."""
-    usual = judged(2.1, 2.1, prior=20.0, runs=runs)
-    closer = judged(2.0, 2.0, prior=30.0, runs=runs)
-    assert taken({0: [judged(9.0, 9.0)], 1: [usual, closer]}) is (usual if first else closer)
+@pytest.mark.parametrize(("left", "closer"), [(1.0, False), (0.5, True)])
+def test_a_much_smaller_residual_outweighs_what_was_more_probable_before(left, closer):
+    """It counts as so many samples that an effect's least gain is worth a constant three sigmas off."""
+    usual, better = judged(3.0, 3.0, prior=20.0), judged(*[math.sqrt(1.0 + 8.0 * left)] * 2, prior=29.0)
+    assert taken({0: [judged(9.0, 9.0)], 1: [usual, better]}) is (better if closer else usual)
+
+
+def test_constants_that_move_by_three_sigmas_count_as_one_effect():
+    moved, declared = judged(3.0, 3.0, z=3.0), judged(3.0, 3.0)
+    assert residual_ratio(declared, moved) == pytest.approx(MAX_RESIDUAL_RATIO)
+    assert residual_ratio(moved, declared) == pytest.approx(1.0 / MAX_RESIDUAL_RATIO)
+
+
+def test_an_explanation_that_bends_what_is_declared_does_not_hide_one_with_more_effects():
+    """Constants at the ends of their tolerances make up for most of what a spring does."""
+    none, bent = judged(9.0, 9.0, prior=5.0), judged(6.0, 6.0, prior=50.0, z=6.0)
+    spring = judged(5.5, 5.5, prior=40.0, z=1.0)
+    assert residual_ratio(spring, bent) < MAX_RESIDUAL_RATIO < spring.residual_power / bent.residual_power
+    assert taken({0: [none], 1: [bent], 2: [spring]}) is spring
 
 
 def test_of_explanations_that_leave_as_much_one_that_is_not_worth_it_is_not_taken():

@@ -12,7 +12,7 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 
-from rtds_host.diagnosis.choice import EQUIVALENT_GAP_RATIO, MAX_RESIDUAL_RATIO, HeldOutScore, chosen, residual_ratio
+from rtds_host.diagnosis.choice import MAX_RESIDUAL_RATIO, HeldOutScore, chosen, posterior, residual_ratio
 from rtds_host.diagnosis.fit import Fit, Hypothesis
 from rtds_host.diagnosis.gap import LEAST
 from rtds_host.diagnosis.search.beam import additions, most_probable, screenings, widened
@@ -53,14 +53,17 @@ class Selection:
     def could_be_chosen(self, one: HeldOutScore, selected: HeldOutScore) -> bool:
         """Whether an explanation with this in-sample score could be chosen, or decide whether one with more effects is.
 
-        With more effects than the selected one it must reduce the residual by enough; else its gap must be equivalent
-        to the smallest with no more effects.
+        With more effects than the selected one it must reduce the residual by enough; else it must be more probable
+        than the selected one, or than all that have as few effects as it has.
         """
         count, more = len(one.fit.hypothesis), len(one.fit.hypothesis) - len(selected.fit.hypothesis)
         if more > 0:
             return residual_ratio(one, selected) < MAX_RESIDUAL_RATIO**more
-        gaps = [score.gap for fit, (score, _) in self._judged.items() if len(fit.hypothesis) <= count]
-        return not gaps or one.gap <= EQUIVALENT_GAP_RATIO * min(gaps)
+        prior = self.searches[0].store.prior
+        rivals = (
+            [score for fit, (score, _) in self._judged.items() if len(fit.hypothesis) == count] if more else [selected]
+        )
+        return not rivals or posterior(one, prior) <= min(posterior(rival, prior) for rival in rivals)
 
     def choice(self) -> tuple[Search, HeldOutScore]:
         """The score of the explanation that held-out runs choose, and the search that found it."""
