@@ -10,6 +10,7 @@ from diagnosis_cases import make_case
 
 from rtds_host.contract import builtin_robot
 from rtds_host.correction.translate import translate
+from rtds_host.diagnosis import forms as forms_package
 from rtds_host.diagnosis.attribution import Attribution
 from rtds_host.diagnosis.diagnose import Investigation, setup_of, with_forms, without_superseded
 from rtds_host.diagnosis.fit import Fit, Fitter
@@ -219,6 +220,15 @@ def test_budget_takes_what_forms_close_off_what_has_no_name():
 def test_no_form_where_nothing_is_missing():
     problem, fit = explained(lambda model: None)
     assert forms_of(problem, fit, problem.gap(fit.model(problem)), True).entries == []
+
+
+@pytest.mark.parametrize("reported", [2.7, 3.1])
+def test_no_form_where_the_reported_gap_does_not_meet_the_criterion(monkeypatch, reported):
+    # Of 3^2 - 1 = 8 it leaves 6.3, more than three quarters.
+    found = SimpleNamespace(forms=["a curve"], notes=["what else was seen"], fit=None)
+    monkeypatch.setattr(forms_package, "searched", lambda *_: found)
+    monkeypatch.setattr(forms_package, "reported_gap", lambda *_: reported)
+    assert forms_of(None, None, 3.0, True) == Forms(notes=["what else was seen"])
 
 
 def test_no_form_where_an_effect_of_the_catalogue_makes_it_as_well():

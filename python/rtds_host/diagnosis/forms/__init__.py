@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rtds_host.diagnosis import gap as gaps
-from rtds_host.diagnosis.choice import HeldOutScore
+from rtds_host.diagnosis.choice import MAX_RESIDUAL_RATIO, HeldOutScore
 from rtds_host.diagnosis.effects import CATALOGUE, SIDES
 from rtds_host.diagnosis.fit import Fit, Fitter, joined
 from rtds_host.diagnosis.forms.curves import Form, put, shapes, sides_of, written
@@ -71,7 +71,8 @@ def forms_of(
     if not found.forms:
         return Forms(notes=found.notes)
     gap = reported_gap(problem, found.fit)
-    if gap >= after:
+    # What is reported has to meet the criterion, too. Its runs are left out one by one, and at shorter steps.
+    if gap >= after or (after >= gaps.LEAST and gap**2 - 1.0 > MAX_RESIDUAL_RATIO * (after**2 - 1.0)):
         return Forms(notes=found.notes)
     notes = [*found.notes, *_superseded_notes(problem, found)]
     if found.superseded:
