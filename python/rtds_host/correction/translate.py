@@ -281,10 +281,9 @@ def _with_drop(unit: UnitEffects, high: float, values: np.ndarray, ohm: float) -
         drops[forms.HALF - 1 : forms.HALF + 1] = 0.5 * (drops[forms.HALF] + drops[forms.HALF - 1])
     if unit.drop:
         drops += [*map(unit.drop.before, x[: forms.HALF]), *map(unit.drop.at, x[forms.HALF :])]
-    y = drops
-    if (np.diff(ohm * x + y) < 0.0).any():
+    if (np.diff(ohm * x + drops) < 0.0).any():
         return None
-    return replace(unit, drop=Curve(tuple(x), tuple(y)))
+    return replace(unit, drop=Curve(tuple(x), tuple(drops)))
 
 
 def _sum(one: Curve | None, other: Curve) -> Curve:
@@ -318,10 +317,12 @@ def _command(get: _Parameters, k: int) -> Curve | None:
 def _drop(get: _Parameters, k: int) -> Curve | None:
     """Drop over the current, V over A: two levels, or the law at points of the voltage that drives the current."""
     drop, knee, ohm = get("drop", k), get("drop_knee", k), get("resistance", k)
-    if not drop or not knee:
-        return Curve((0.0, 0.0), (-drop, drop)) if drop else None
+    if not drop:
+        return None
+    if not knee:
+        return Curve((0.0, 0.0), (-drop, drop))
     drives = (drop + knee * ohm) * np.linspace(-DROP_WIDTHS, DROP_WIDTHS, DROP_POINTS)
-    dropped = [-after_bridge_drop.py_func(u, 0.0, drop, knee, ohm) + u for u in drives.tolist()]
+    dropped = [u - after_bridge_drop.py_func(u, 0.0, drop, knee, ohm) for u in drives.tolist()]
     return Curve(tuple((drives - dropped) / ohm), tuple(dropped))
 
 

@@ -133,7 +133,7 @@ def neighbours(values: dict[str, float], angle: float) -> list[dict[str, float]]
     is moved with the phase that keeps step at `angle` rad, the middle of the runs. Poles and teeth of what turns with
     the wheel come in whole numbers.
     """
-    _, cycles, phase = list(values)[:3]  # names, in the order of a periodic effect's parameters
+    _, cycles, phase = list(values)[:3]  # names of a periodic effect's first parameters
     whole = round(values[cycles]) - values[cycles]
     return [
         {

@@ -24,7 +24,7 @@ COPPER_PER_K = 3.93e-3
 # fast for the step. It may bend by less as long as the back EMF damps its swing: MuJoCo steps a bristle by explicit
 # Euler, which adds k h to a swing's damping c, negative, so that one stiffer than c/h rattles and creeps at rest.
 BRISTLE_RAD, BRISTLE_SWING, BRISTLE_DAMPED = 1e-4, 0.3, 0.8
-# Numbers of the cogging, in its order.
+# Numbers of the cogging, in its order, and of its second harmonic.
 COGGING = ("ripple_nm", "ripple_cycles", "ripple_phase_rad")
 SECOND = ("ripple_in_phase", "ripple_in_quadrature")
 # V; of a driver that answers nothing: MuJoCo wants a range.

@@ -68,6 +68,7 @@ def write(figures: Figures, comment: str) -> str:
             "pwm_curve": side.pwm_curve,
             "drop_v": side.drop_v,
             "drop_knee_a": side.drop_knee_a,
+            "resistance_ohm": side.resistance_ohm,
             "command_gain": side.command_gain,
         }
         sensors[f"wheel_{name}"] = {

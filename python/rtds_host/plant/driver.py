@@ -48,7 +48,7 @@ def after_bridge_drop(volts, emf, drop, knee, resistance):
     whole = drop + knee * resistance
     per = 1.0 / whole if whole > 0.0 else 0.0
     x = u * per
-    # Numerical: at this bend the error stays smallest, whatever the knee.
+    # Numerical: about here the largest error is smallest.
     bend = 0.22 * knee * resistance * per
     bent = 0.5 * drop * (math.sqrt((x + 1.0) * (x + 1.0) + bend) - math.sqrt((x - 1.0) * (x - 1.0) + bend))
     return volts - (bent if drop > 0.0 and knee > 0.0 else against)

@@ -3,6 +3,14 @@
 from rtds_host.diagnosis.effects.base import Effect, Parameter, put
 from rtds_host.diagnosis.effects.exported import left_out, own, row
 
+
+def _second(name: str, meaning: str) -> Parameter:
+    """One of the two parts of the second harmonic, as a share of the amplitude."""
+    return Parameter(
+        name, "1", null=0, low=-1, high=1, prior_width=0.2, starts=(0.0,), optional=True, shape=True, meaning=meaning
+    )
+
+
 EFFECT = Effect(
     id="torque_ripple",
     subsystem="drivetrain",
@@ -43,30 +51,8 @@ EFFECT = Effect(
             shape=True,
             meaning="phase at angle zero",
         ),
-        Parameter(
-            "second_in_phase",
-            "1",
-            null=0,
-            low=-1,
-            high=1,
-            prior_width=0.2,
-            starts=(0.0,),
-            optional=True,
-            shape=True,
-            meaning="second harmonic's share of the amplitude, in phase",
-        ),
-        Parameter(
-            "second_in_quadrature",
-            "1",
-            null=0,
-            low=-1,
-            high=1,
-            prior_width=0.2,
-            starts=(0.0,),
-            optional=True,
-            shape=True,
-            meaning="the same a quarter of its period ahead",
-        ),
+        _second("second_in_phase", "second harmonic's share of the amplitude, in phase"),
+        _second("second_in_quadrature", "the same a quarter of its period ahead"),
     ),
     apply=put(
         ripple="amplitude_nm",

@@ -71,7 +71,7 @@ def forms_of(
     if not found.forms:
         return Forms(notes=found.notes)
     gap = reported_gap(problem, found.fit)
-    # What is reported has to meet the criterion, too. Its runs are left out one by one, and at shorter steps.
+    # The reported gap has to meet the criterion, too: the search scores runs left out at longer steps.
     if gap >= after or (after >= gaps.LEAST and gap**2 - 1.0 > MAX_RESIDUAL_RATIO * (after**2 - 1.0)):
         return Forms(notes=found.notes)
     notes = [*found.notes, *_superseded_notes(problem, found)]
