@@ -57,6 +57,21 @@ def test_a_step_exchanges_an_effect_for_one_that_leaves_less(linear):
     assert set(fit.hypothesis) in RIGHT
 
 
+def test_steps_go_on_from_what_comes_closest_where_the_same_explanation_is_chosen_again(linear, monkeypatch):
+    """An effect may help only next to another one. The steps begin at the chosen explanation, and none twice."""
+    bases = []
+    monkeypatch.setattr(stepwise, "neighbours", lambda _, fit: bases.append(fit.hypothesis) or [])
+    found = selection(
+        linear,
+        {GAIN: {"ratio": 1.2}, VISCOUS: {"nm_s_per_rad": 0.01}},
+        {GAIN: {"ratio": 1.2}},
+        {VISCOUS: {"nm_s_per_rad": 0.01}},
+    )
+    assert found.choice()[1].fit.hypothesis == (GAIN, VISCOUS)
+    assert found.stepwise()[1].hypothesis == (GAIN, VISCOUS)
+    assert bases == [(GAIN, VISCOUS), (GAIN,), (VISCOUS,)]
+
+
 def test_no_step_goes_beyond_the_budget(linear):
     found = selection(linear, {GAIN: {"ratio": 1.2}})
     (search,) = found.searches

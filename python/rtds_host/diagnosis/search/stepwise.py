@@ -2,8 +2,9 @@
 
 A beam keeps the explanations of highest likelihood, but held-out runs decide between explanations (`choice`). So the
 search continues from the explanation that held-out runs choose. A step adds one effect, or exchanges one or two for
-others, and held-out runs choose again (M. A. Efroymson, Multiple regression analysis, 1960). The search ends when they
-choose an explanation from which steps were tried already, when only noise is left, or after `STEPS` steps.
+others, and held-out runs choose again (M. A. Efroymson, Multiple regression analysis, 1960). If they choose the same
+one, the next step is taken from the one that comes closest to it: an effect may help only next to another. The search
+ends when only noise is left, or after `STEPS` steps.
 """
 
 from __future__ import annotations
@@ -73,6 +74,19 @@ class Selection:
         selected = chosen(by_count, self.searches[0].store.prior)
         return self._judged[selected.fit][1], selected
 
+    def _most_promising(self, selected: HeldOutScore, tried: set[Hypothesis]) -> HeldOutScore | None:
+        """The explanation to take the next steps from: the selected one, or else the one that comes closest to being
+        selected; None where steps were tried from all."""
+
+        def excess(one: HeldOutScore) -> float:
+            more = len(one.fit.hypothesis) - len(selected.fit.hypothesis)
+            return residual_ratio(one, selected) / MAX_RESIDUAL_RATIO**more
+
+        if selected.fit.hypothesis not in tried:
+            return selected
+        left = [score for fit, (score, _) in self._judged.items() if fit.hypothesis not in tried]
+        return min(left, key=excess, default=None)
+
     def stepwise(self) -> tuple[Search, Fit]:
         """The explanation that held-out runs choose after further steps, and the search that found it."""
         found_by, selected = self.choice()
@@ -80,11 +94,12 @@ class Selection:
         # Where the motion is unstable, noise in the initial state alone makes a gap. Whole runs then choose by chance.
         # The more explanations are compared, the more often one is chosen by chance: no step adds any.
         for _ in range(STEPS if self.searches[0].problem.start_gap < LEAST else 0):
-            if selected.fit.hypothesis in tried or found_by.store.within_noise(selected.fit):
+            base = self._most_promising(selected, tried)
+            if base is None or found_by.store.within_noise(selected.fit):
                 break
-            tried.add(selected.fit.hypothesis)
+            tried.add(base.fit.hypothesis)
             for search in self.searches:
-                self.judge(search, neighbours(search, _of(search, selected)))
+                self.judge(search, neighbours(search, _of(search, base)))
             found_by, selected = self.choice()
         # The fit may be one by ordinary least squares (`Store.local_optima`). Its likelihood is estimated from its
         # residual, as that of any other fit. Where only noise is left, it is fitted again by maximum likelihood.
