@@ -113,16 +113,18 @@ def _wrapped(lines: list[str]) -> Iterator[str]:
 
 
 def _read_sentence(text: str, answer: Answer) -> None:
-    told, _, _twins = text.partition("cannot tell")
+    told, _, _twins = text.partition("cannot distinguish")
     for effect, rest in _effects(told):
         sizes = re.match(r"\s*\(([^()]*)\)", rest)
         values = re.findall(rf"(?:^|, ){NUMBER}", sizes[1]) if sizes else []
         answer.effects[effect] = {place: float(v.removeprefix(", ")) for place, v in enumerate(values)}
     if m := re.search(rf"from ({NUMBER}) to ({NUMBER}) times", told):
         answer.gap |= {"refit": float(m[1]), "after": float(m[2])}
+        if m := re.search(rf"nominal ({NUMBER})\)", told):
+            answer.gap["before"] = float(m[1])
     elif m := re.search(rf"gap is ({NUMBER}) times", told):
         answer.gap["refit"] = float(m[1])
-    if m := re.search(rf"({NUMBER}) % of it closed", told):
+    if m := re.search(rf"({NUMBER}) % closed", told):
         answer.shares["effect_closed"] = float(m[1]) / 100.0
     if m := re.search(rf"({NUMBER}) % probable", told):
         answer.shares["probability"] = float(m[1]) / 100.0
@@ -370,7 +372,7 @@ def compare_prose(page: str, folder: Path) -> list[str]:
         try:
             said = float(m["said"].rstrip("%").rstrip()) / (100.0 if percent else 1.0)
         except ValueError:
-            wrong.append(f"{where}: {m['said']} is no number, now {now}")
+            wrong.append(f"{where}: {m['said']} is not a number, now {now}")
             continue
         if where.endswith(".value"):
             wrong += _compare_size(where, said, holder)

@@ -159,8 +159,8 @@ def next_experiment(problem: Problem, store: Store, attribution: Attribution, di
             if best is None or value > best[0]:
                 best = (value, scenario.name + (f" --payload {payload_kg:g}" if payload else ""), scenario)
     compared = best is not None
-    # Nothing of the menu can be replayed on this machine, or nothing is there to compare: the one that holds a bit of
-    # everything.
+    # Nothing of the menu can be replayed on this machine, or nothing is there to compare: the one that is a
+    # general mix of motions.
     value, text, scenario = best or (0.0, "teleop", scenarios()["teleop"])
     return {
         "scenario": text,
@@ -173,18 +173,10 @@ def next_experiment(problem: Problem, store: Store, attribution: Attribution, di
 def purpose_of(alike: bool, place: str | None, compared: bool) -> str:
     """What the manoeuvre is for, in a clause: to separate indistinguishable effects (`alike`), or to excite an
     unmodelled part at `place`; `compared`: whether that of the menu was chosen by replays."""
-    blind = "could not be computed for this robot, and this one holds a bit of everything"
+    blind = "the best manoeuvre could not be computed for this robot; this one is a general mix of motions"
     if alike:
-        return (
-            "it separates best what is indistinguishable in these runs"
-            if compared
-            else f"the manoeuvre that best separates what is indistinguishable {blind}"
-        )
+        return "it separates best what is indistinguishable in these runs" if compared else blind
     if place is None:
-        return "the place of the unmodelled part is not known, and this manoeuvre holds a bit of everything"
+        return "the place of the unmodelled part is not known; this manoeuvre is a general mix of motions"
     where = f"most of the unmodelled part is in the {SUBSYSTEM_WORDS[place]}"
-    return (
-        f"{where}, which this manoeuvre excites most"
-        if compared
-        else f"{where}; the manoeuvre that excites it most {blind}"
-    )
+    return f"{where}, which this manoeuvre excites most" if compared else f"{where}, but {blind}"

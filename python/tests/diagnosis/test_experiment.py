@@ -39,7 +39,7 @@ def test_of_a_residual_without_a_place_nothing_is_promised(problem):
     plan = asked(problem, None)
     assert (plan["scenario"], plan["separates"], plan["expected_separation"]) == ("teleop", [], 0.0)
     assert plan["why"] == (
-        "the place of the unmodelled part is not known, and this manoeuvre holds a bit of everything: driven as a "
+        "the place of the unmodelled part is not known; this manoeuvre is a general mix of motions: driven as a "
         "person would: forward, back, round corners, stops"
     )
 
@@ -47,9 +47,7 @@ def test_of_a_residual_without_a_place_nothing_is_promised(problem):
 def test_no_manoeuvre_is_said_to_separate_what_none_was_tried_on(problem):
     plan = asked(by_speed(problem), None, DELAYS)
     assert plan["expected_separation"] == 0.0 and [m["id"] for m in plan["separates"]] == [name for name, _ in DELAYS]
-    assert plan["why"].startswith(
-        "the manoeuvre that best separates what is indistinguishable could not be computed for this robot, and"
-    )
+    assert plan["why"].startswith("the best manoeuvre could not be computed for this robot; this one is a general mix")
 
 
 @pytest.mark.parametrize(
@@ -66,7 +64,7 @@ def test_no_manoeuvre_is_said_to_separate_what_none_was_tried_on(problem):
             False,
             "wheel_ground",
             False,
-            "most of the unmodelled part is in the wheel and ground; the manoeuvre that excites it most could not",
+            "most of the unmodelled part is in the wheel and ground, but the best manoeuvre could not be computed",
         ),
     ],
 )

@@ -284,7 +284,7 @@ def test_no_command_is_advised_that_would_refuse_the_robot(details):
                 "Each half of the run is judged with motor values and sizes worked out without it; the causes were"
                 " chosen with the whole run."
             ),
-            "On halves of the run not used for the fit the gap falls",
+            "the gap on held-out halves of the run falls",
         ),
         (
             ["spin", "steps"],
@@ -292,7 +292,7 @@ def test_no_command_is_advised_that_would_refuse_the_robot(details):
                 "Each run is judged with motor values and sizes worked out without it; the causes were chosen with"
                 " all runs together."
             ),
-            "On runs not used for the fit the gap falls",
+            "the gap on held-out runs falls",
         ),
     ],
 )

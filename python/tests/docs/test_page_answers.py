@@ -22,15 +22,16 @@ KNOWN = {
     "next_experiment": {"scenario": "spin", "why": "it would tell Coulomb friction, left side from spin scrub"},
 }  # fmt: skip
 HEADLINE = (
-    "rover known  Coulomb friction, left side (0.1202 N·m): 98 % probable. On runs not\n"
-    "used for the fit the gap falls from 11.5 to 1.03 times the sensors' noise, 99.7 %\nof it closed.\n"
+    "rover known  Coulomb friction, left side (0.1202 N·m): 98 % probable. With motor values\n"
+    "refitted, the gap on held-out runs falls from 11.5 to 1.03 times the sensors' noise\n"
+    "(99.7 % closed; nominal 13.8).\n"
 )
 WHOLE = (
     HEADLINE
     + """  located  drivetrain 97 %, chassis 3 %
   made of  Coulomb friction, left side 99 %
   effect   Coulomb friction, left side: torque_nm = 0.1202 N·m (0.118 to 0.1224)
-  odds     Coulomb friction, left side 98 %; driver deadzone, left side 1 %; none of the catalogue 1 %
+  odds     Coulomb friction, left side 98 %; driver dead zone, left side 1 %; none of the catalogue 1 %
   gap       nominal  refitted  with effects  closed
   held out     13.8      11.5          1.03  99.7 %
   next     record spin (rtds plan gives its commands): it would tell Coulomb friction,
@@ -51,8 +52,9 @@ PARTIAL = {
     "gap": {"before": 14.2, "refit": 14.0, "after": 6.1, "closed": 0.61, "effect_closed": 0.61,
             "rest": {"share": 0.39, "structured": True, "subsystem": "wheel_ground"}},
 }  # fmt: skip
-PARTIAL_PAGE = """truck partial  Coulomb friction, both sides (0.05 N·m); command delay (0.03 s): 93 % probable. On runs
-not used for the fit the gap falls from 14.0 to 6.1 times the sensors' noise, 61 % of it closed.
+PARTIAL_PAGE = """truck partial  Coulomb friction, both sides (0.05 N·m); command delay (0.03 s): 93 % probable. With
+motor values refitted, the gap on held-out runs falls from 14.0 to 6.1 times the sensors' noise (61 % closed; nominal
+14.2).
 """
 UNKNOWN = {
     "schema": "rtds-diagnosis/1",
@@ -133,7 +135,7 @@ def test_what_another_compiler_or_machine_moves_is_let_through(path, value, tmp_
 
 
 def test_an_indistinguishable_effect_is_not_taken_for_an_included_one(tmp_path):
-    said = HEADLINE.rstrip() + " These runs cannot tell it from driver deadzone, left side.\n"
+    said = HEADLINE.rstrip() + " These runs cannot distinguish it from driver dead zone (left side).\n"
     assert complaints(said, KNOWN, tmp_path) == []
 
 

@@ -172,6 +172,7 @@ def plain_name(effect_id: str) -> str:
         "coulomb friction": "Coulomb friction",
         "stribeck friction": "Stribeck friction",
         "com offset": "centre of mass off the axle",
+        "driver deadzone": "driver dead zone",
     }.get(name, name)
 
 
@@ -359,14 +360,15 @@ def verdict_sentence(diagnosis: dict[str, Any]) -> str:
 
     names = "; ".join(sized(effect) for effect in effects)
     closed = gap.get("effect_closed")
-    share = f", {percent_closed(closed)} of it closed" if closed is not None else ""
+    of_it = f"{percent_closed(closed)} closed; " if closed is not None else ""
     each = "each at least " if len(effects) > 1 else ""
     sure = f": {each}{percent(min(e['probability'] for e in effects))} probable"
     probable = "" if any(indistinguishable_from(diagnosis, e) for e in effects) else sure
-    where = "On halves of the run" if len(diagnosis.get("held_out_runs") or []) == 1 else "On runs"
+    where = "halves of the run" if len(diagnosis.get("held_out_runs") or []) == 1 else "runs"
     text = (
-        f"{names[:1].upper()}{names[1:]}{probable}. {where} not used for the fit the gap falls "
-        f"from {number(refit)} to {number(after)} times the sensors' noise{share}."
+        f"{names[:1].upper()}{names[1:]}{probable}. With motor values refitted, the gap on held-out {where} falls "
+        f"from {number(refit)} to {number(after)} times the sensors' noise ({of_it}nominal "
+        f"{number(gap.get('before'))})."
     )
     if diagnosis["verdict"] == "partial":
         text += f" {percent(residual.get('share'))} of it is unmodelled" + (
@@ -377,9 +379,10 @@ def verdict_sentence(diagnosis: dict[str, Any]) -> str:
         mine = [m for m in causes if (m["id"], m["side"]) in included]
         others = [m for m in causes if (m["id"], m["side"]) not in included]
         if mine and others:
+            share = percent(included[mine[0]["id"], mine[0]["side"]])
             text += (
-                f" These runs cannot tell {effect_name(mine[0])} from "
-                + " or ".join(effect_name(m) for m in others)
-                + f", which leaves it {percent(included[mine[0]['id'], mine[0]['side']])} probable."
+                f" These runs cannot distinguish {listed_name(mine[0])} from "
+                f"{enumerated([listed_name(m) for m in others], 'or')}, so their probability is shared: {share} for "
+                "the first."
             )
     return text
