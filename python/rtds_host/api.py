@@ -49,7 +49,7 @@ def diagnose(case: Case | Path_, *, quick: bool = False, threads: int = 0, out: 
     Parameters
     ----------
     case : as read, or its folder.
-    quick : a narrower search; the full one takes 1.2 to 1.3 times as long.
+    quick : a narrower search, with a third of the full one's limit of work; most searches end before it.
     threads : cores to use; 0 = all.
     out : folder for `diagnosis.json` and `report.html`; nothing is written without it.
 

@@ -223,7 +223,7 @@ def check_reachable(scheduler: str) -> None:
     found = re.fullmatch(r"(tcp|tls)://(\[[0-9A-Fa-f:.%]+\]|[^\s:/\[\]@]+):(\d{1,5})/?", scheduler)
     if found is None or not 0 < int(found[3]) < 65536:
         raise InputError(
-            f"--scheduler {scheduler}: is no address of a scheduler, tcp://host:8786 or tls://host:8786 is needed"
+            f"--scheduler {scheduler}: is not an address of a scheduler, tcp://host:8786 or tls://host:8786 is needed"
         )
     answer: queue.SimpleQueue = queue.SimpleQueue()
 

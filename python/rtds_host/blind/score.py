@@ -580,7 +580,7 @@ def open_answers(out: Path, diagnoses: Path) -> tuple[dict[str, dict], dict[str,
             try:
                 answers[case] = json.loads(path.read_text())
             except ValueError as error:
-                raise InputError(f"{path}: is no JSON ({error})") from error
+                raise InputError(f"{path}: is not JSON ({error})") from error
         ledger.append(
             {
                 "case": case,

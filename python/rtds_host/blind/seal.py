@@ -131,7 +131,7 @@ def publish(out: Path, seals: dict[str, str], drawn: dict) -> None:
 def refuse_again(out: Path) -> None:
     """Raise InputError where a check with published seals is there already."""
     if (out / "public" / "SEALS.json").exists():
-        raise InputError(f"{out / 'public' / 'SEALS.json'}: is there already, a sealed check is not made again")
+        raise InputError(f"{out / 'public' / 'SEALS.json'}: already exists, a sealed check is not made again")
 
 
 def make(
@@ -245,7 +245,7 @@ def read_ledger(out: Path) -> list[dict]:
         try:
             entry = json.loads(line)
         except ValueError as error:
-            raise InputError(f"{path}: line {number}: is no JSON ({error})") from error
+            raise InputError(f"{path}: line {number}: is not JSON ({error})") from error
         if entry.get("before") != before:
             raise InputError(
                 f"{path}: line {number}: does not follow the line before it; "

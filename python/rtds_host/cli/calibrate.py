@@ -33,8 +33,8 @@ def calibrate(
         list[str] | None, typer.Option(help="ad2 only: serial numbers, the device with the voltages first; twice.")
     ] = None,
     serial: Annotated[str, typer.Option(help="ad2 only: serial port of the chip's registers.")] = "",
-    points: Annotated[int, typer.Option(help="Voltages a wire.")] = POINTS,
-    reads: Annotated[int, typer.Option(help="Readings a point.")] = READS,
+    points: Annotated[int, typer.Option(help="Voltages per wire.")] = POINTS,
+    reads: Annotated[int, typer.Option(help="Readings per point.")] = READS,
     as_json: AsJson = False,
 ) -> None:
     """Measure gain and offset of every analog path between PC and chip and store them."""

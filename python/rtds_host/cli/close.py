@@ -19,7 +19,7 @@ LINKS = ("model", "rtl")
 
 @app.command()
 def close(
-    case: Annotated[Path, typer.Argument(help="Case folder: robot.toml and a sub-folder a run.")],
+    case: Annotated[Path, typer.Argument(help="Case folder: robot.toml and one sub-folder per run.")],
     out: Annotated[Path, typer.Option(help="Folder for close.json, diagnosis.json and close.png.")],
     diagnosis: Annotated[
         Path | None,
@@ -43,7 +43,11 @@ def close(
         ),
     ] = None,
     full: Annotated[
-        bool, typer.Option("--full", help="Diagnose by the full search, 1.2 to 1.3 times as long.")
+        bool,
+        typer.Option(
+            "--full",
+            help="Diagnose by the full search, with a limit of work three times as large; most searches end earlier.",
+        ),
     ] = False,
     table: Annotated[
         bool, typer.Option("--table", help="Load the residual of the diagnosis as a table, where one fits.")

@@ -15,16 +15,21 @@ app = typer.Typer(add_completion=False)
 
 @app.command()
 def diagnose(
-    cases: Annotated[list[Path], typer.Argument(help="Case folders: robot.toml and a sub-folder a run.")],
+    cases: Annotated[list[Path], typer.Argument(help="Case folders: robot.toml and one sub-folder per run.")],
     out: Annotated[
         Path,
         typer.Option(
             help="Folder for diagnosis.json and report.html; with several cases, "
-            "a sub-folder each, cases.parquet and index.html."
+            "one sub-folder per case, cases.parquet and index.html."
         ),
     ],
     quick: Annotated[
-        bool, typer.Option("--quick", help="A narrower search; the full one takes 1.2 to 1.3 times as long.")
+        bool,
+        typer.Option(
+            "--quick",
+            help="A narrower search. Its limit of work is about half a minute, three times that without; most "
+            "searches end earlier.",
+        ),
     ] = False,
     jobs: Annotated[int, typer.Option(help="Cores to use; 0 = all.", min=0)] = 0,
     scheduler: Annotated[
@@ -50,7 +55,8 @@ def diagnose(
 ) -> None:
     """Say where the gap between simulator and reality lies, and which effect causes it.
 
-    Several cases go on where an interrupted call stopped; status 1 if some failed, the others are complete.
+    With several cases, an interrupted call resumes where it stopped. The status is 1 if some failed; the others are
+    complete.
     """
     from rtds_host.cli.first_use import say_if_first
     from rtds_host.contract import check_writable, check_writable_file, places_of_case, refuse_inputs
@@ -59,11 +65,11 @@ def diagnose(
 
     check_writable(out)
     if repeat and (len(cases) > 1 or scheduler is not None):
-        raise InputError("--repeat: one case, diagnosed here, is repeated; give one case at a time")
+        raise InputError("--repeat: takes one case, without --scheduler; give one case at a time")
     if mcap is not None:
         if len(cases) > 1 or scheduler is not None:
             raise InputError(
-                f"--mcap {mcap}: one case, diagnosed here, goes into it; `rtds predict --mcap` writes any run's"
+                f"--mcap {mcap}: takes one case, without --scheduler; `rtds predict --mcap` writes any run"
             )
         check_writable_file(mcap)
         refuse_inputs([mcap], [*places_of_case(cases[0]), *(out / name for name in FILES)])

@@ -19,7 +19,7 @@ def diff(
     as_json: AsJson = False,
     html: Annotated[Path | None, typer.Option(metavar="FILE", help="Write it as a page, too.")] = None,
 ) -> None:
-    """Say how two diagnoses differ: verdicts, gaps, and of each cause whether it came, went or changed its size."""
+    """Compare two diagnoses: verdicts, gaps, and whether each cause appeared, disappeared or changed in size."""
     from rtds_host.contract import check_writable_file, refuse_inputs, write_atomic
     from rtds_host.diagnosis.differ import compare, label, lines, page, read
     from rtds_host.errors import visible

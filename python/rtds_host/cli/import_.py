@@ -44,7 +44,7 @@ def import_(
         typer.Option(help="Namespace of the robot's topics, as /tb3_0; needed where a bag holds several robots."),
     ] = None,
     append: Annotated[bool, typer.Option("--append", help="Add runs to a case that exists.")] = False,
-    name: Annotated[list[str] | None, typer.Option(help="Name of a run; once a source.")] = None,
+    name: Annotated[list[str] | None, typer.Option(help="Name of a run; give it once per source.")] = None,
     scenario: Annotated[str, typer.Option(help="What was driven, for run.json (default: the run's name).")] = "",
     payload_kg: Annotated[float, typer.Option(help="Payload during the runs.")] = 0.0,
     slope_rad: Annotated[float, typer.Option(help="Slope of the ground.")] = 0.0,

@@ -1,4 +1,4 @@
-"""`rtds init`: a robot's file from a data sheet or a robot that comes along, a draft mapping from a recording."""
+"""`rtds init`: a robot's file from a data sheet or a built-in robot, a draft mapping from a recording."""
 
 from __future__ import annotations
 
@@ -39,15 +39,13 @@ def init(
     no_load_current: Annotated[float | None, typer.Option(help="No-load current, A.")] = None,
     gear_ratio: Annotated[float | None, typer.Option(help="Motor turns for one turn of the output.")] = None,
     wheel_radius: Annotated[float | None, typer.Option(help="Wheel radius, m.")] = None,
-    track_width: Annotated[float | None, typer.Option(help="Distance between both wheels' middles, m.")] = None,
+    track_width: Annotated[float | None, typer.Option(help="Distance between the wheels' centres, m.")] = None,
     mass: Annotated[float | None, typer.Option(help="Mass of the whole robot, kg.")] = None,
     counts: Annotated[float | None, typer.Option(help="Encoder counts for one turn of the shaft it sits on.")] = None,
     encoder: Annotated[str | None, typer.Option(help="Where the encoder sits: motor, gear or wheel.")] = None,
     axis: Annotated[
         str | None,
-        typer.Option(
-            metavar="KIND", help="One motor alone, in place of two wheels: it turns an inertia, a pendulum or linear."
-        ),
+        typer.Option(metavar="KIND", help="One motor in place of two wheels; its load: inertia, pendulum or linear."),
     ] = None,
     load_inertia: Annotated[
         float | None, typer.Option(help="axis inertia: inertia at the gear's output, kg·m².")
@@ -65,7 +63,7 @@ def init(
 ) -> None:
     """Write a commented robot.toml for a robot of your own, and a draft mapping for its recordings.
 
-    In a terminal, what no option gives is asked. In a script every figure must be given. No file is overwritten.
+    In a terminal it asks for missing values. In a script every value must be given. No file is overwritten.
     """
     from rtds_host.contract.robot import builtin_robot_path
     from rtds_host.errors import InputError, OutputError, visible
@@ -90,7 +88,7 @@ def init(
     }
     asked = any(value is not None for value in figures.values()) or encoder is not None or axis is not None
     if like is not None and asked:
-        raise InputError(f"--like {like}: a robot that comes along has its own figures; give one or the other")
+        raise InputError(f"--like {like}: a built-in robot has its own figures; give one or the other")
     if motor and mjcf is None:
         raise InputError(f"--motor {motor[0]}: only with --mjcf")
     alone = [key for key, given in (("axis", axis), ("encoder", encoder)) if given is not None]
@@ -99,7 +97,7 @@ def init(
         raise InputError(f"--mjcf {mjcf}: goes without {which}, the model has its own figures")
     for file in ("robot.toml", "mapping.toml", *(("effects.json",) if mjcf is not None else ())):
         if (out / file).exists():
-            raise OutputError(f"{out / file}: is there already; choose another folder")
+            raise OutputError(f"{out / file}: already exists; choose another folder")
     texts: dict[str, str] = {}
     lost: list[str] = []
     if like is not None:
@@ -188,4 +186,4 @@ def _number(place: str, text: str) -> float:
     try:
         return float(text.replace(",", "."))
     except ValueError as error:
-        raise InputError(f"{place}: {shown(text)} is no number") from error
+        raise InputError(f"{place}: {shown(text)} is not a number") from error

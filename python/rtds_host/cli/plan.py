@@ -29,7 +29,7 @@ def plan(
         float, typer.Option(help="Distance to keep clear around the axle's mid-point, m.", min=0.0)
     ] = 0.25,
     speed: Annotated[
-        float | None, typer.Option(help="What the robot may drive at most, m/s. Default: what its motors can.")
+        float | None, typer.Option(help="The robot's highest allowed speed, m/s. Default: what its motors reach.")
     ] = None,
     kind: Annotated[
         str | None, typer.Option("--as", help="voltage (each wheel) or cmd_vel. Default: what robot.toml is driven by.")
@@ -119,7 +119,7 @@ def _wanted(source: Path) -> tuple[str, float | None, str]:
     try:
         payload = float(words[2]) if len(words) == 3 else None
     except ValueError as error:
-        raise InputError(f"{source}: next_experiment.scenario: payload {words[2]!r} is no number") from error
+        raise InputError(f"{source}: next_experiment.scenario: payload {words[2]!r} is not a number") from error
     apart = ", ".join(f"{e['id']} ({e['side']})" for e in wanted.get("separates") or [])
     return words[0], payload, str(wanted.get("why") or f"distinguishes {apart}")
 

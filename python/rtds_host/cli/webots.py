@@ -17,11 +17,9 @@ app = typer.Typer(add_completion=False)
 def webots(
     out: Annotated[Path, typer.Option(help="Folder of the project to write.")],
     scenario: Annotated[
-        list[str] | None, typer.Argument(help="Scenarios, a world each. Default: linear, circle, eight.")
+        list[str] | None, typer.Argument(help="Scenarios, one world each. Default: linear, circle, eight.")
     ] = None,
-    robot: Annotated[
-        str, typer.Option(help="Name of a robot that comes along, or the path of a robot.toml.")
-    ] = "burger",
+    robot: Annotated[str, typer.Option(help="Name of a built-in robot, or the path of a robot.toml.")] = "burger",
     scaled: Annotated[
         bool, typer.Option("--scaled", help="Lengths, payload and duration for a robot of this one's size.")
     ] = False,

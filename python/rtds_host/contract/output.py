@@ -51,7 +51,7 @@ def check_writable(folder: Path) -> None:
     """
     place = folder.absolute()
     if place.is_symlink() and not place.exists():
-        raise OutputError(f"{place}: is a link that leads nowhere")
+        raise OutputError(f"{place}: is a broken link")
     while not place.exists():
         place = place.parent
     if not place.is_dir():
@@ -127,7 +127,7 @@ def staged_folder(target: str | os.PathLike, replace: bool = False, owned: Colle
     scratch = lock = None
     try:
         if target.is_symlink() and not target.exists():
-            raise OutputError(f"{target}: is a link that leads nowhere")
+            raise OutputError(f"{target}: is a broken link")
         if target.exists() and not target.is_dir():
             raise OutputError(f"{target}: is a file, a folder is needed for the output")
         target.parent.mkdir(parents=True, exist_ok=True)

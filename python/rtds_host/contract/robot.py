@@ -360,7 +360,7 @@ def _optional(path: Path, data: dict, name: str) -> _Section | None:
     if table is None:
         return None
     if not isinstance(table, dict):
-        raise InputError(f"{path}: [{name}]: is no table")
+        raise InputError(f"{path}: [{name}]: is not a table")
     return _Section(path, name, table)
 
 
@@ -470,7 +470,7 @@ def _tolerance(table: _Section | None, body: type[Axis | Chassis]) -> dict[str, 
         if name not in known:
             where = "[axis]" if body is Axis else "[chassis]"
             raise table.fail(
-                name, f"is no constant of [motor] or {where} that has a tolerance{did_you_mean(name, known)}"
+                name, f"is not a constant of [motor] or {where} that has a tolerance{did_you_mean(name, known)}"
             )
         value = table.table[name]
         if isinstance(value, (int, float)) and not isinstance(value, bool) and 1.0 < value <= 100.0:
@@ -510,9 +510,9 @@ def _strange(path: Path, data: dict) -> tuple[str, ...]:
     known["tolerance"] = set(data.get("tolerance", ()))
     names = [name for name in data if name not in known and name not in ("schema", "name")]
     keys = [(name, key) for name in known for key in _keys(data.get(name)) if key not in known[name]]
-    found = [f"{path.name}: {shown(name)} is not in the contract, ignored" for name in names[:MOST_NOTICES]]
+    found = [f"{path.name}: {shown(name)} is not in the format, ignored" for name in names[:MOST_NOTICES]]
     found += [
-        f"{path.name}: [{name}] {listed([key])} is not in the contract, ignored" for name, key in keys[:MOST_NOTICES]
+        f"{path.name}: [{name}] {listed([key])} is not in the format, ignored" for name, key in keys[:MOST_NOTICES]
     ]
     more = max(len(names) - MOST_NOTICES, 0) + max(len(keys) - MOST_NOTICES, 0)
-    return tuple(found + ([f"{path.name}: {more} more names are not in the contract, ignored"] if more else []))
+    return tuple(found + ([f"{path.name}: {more} more names are not in the format, ignored"] if more else []))

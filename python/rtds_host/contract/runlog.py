@@ -155,7 +155,7 @@ class Case:
 def _log_path(folder: Path) -> Path:
     found = [folder / name for name in LOG_NAMES if (folder / name).is_file()]
     if not found:
-        raise InputError(f"{folder}: neither log.csv nor log.parquet is there")
+        raise InputError(f"{folder}: contains neither log.csv nor log.parquet")
     if len(found) > 1:
         raise InputError(f"{folder}: both log.csv and log.parquet are there, keep one")
     return found[0]
@@ -180,7 +180,7 @@ def read_object(path: Path) -> dict:
     """
     data = read_json(path)
     if not isinstance(data, dict):
-        raise InputError(f"{path}: is no JSON object")
+        raise InputError(f"{path}: is not a JSON object")
     return data
 
 
@@ -245,9 +245,9 @@ def twice(names: list[str]) -> str | None:
 def _strange(file: str, names: list[str]) -> list[str]:
     """Notices of columns that the contract does not name: one each, or one of all where there are very many."""
     if len(names) > MOST_NOTICES:
-        return [f"{file}: {len(names)} columns are not in the contract, ignored: {listed(names, FEW_NAMES)}"]
+        return [f"{file}: {len(names)} columns are not in the format, ignored: {listed(names, FEW_NAMES)}"]
     return [
-        f"{file}: column {shown(name)} is not in the contract, ignored{did_you_mean(name, COLUMNS)}" for name in names
+        f"{file}: column {shown(name)} is not in the format, ignored{did_you_mean(name, COLUMNS)}" for name in names
     ]
 
 
@@ -287,7 +287,7 @@ def _blocks(path: Path) -> Iterator[tuple[list[str], bool]]:
                 try:
                     text = decoder.decode(data, final=not data)
                 except UnicodeDecodeError as error:
-                    raise InputError(f"{path}: is no text (byte {at - waiting + error.start})") from error
+                    raise InputError(f"{path}: is not text (byte {at - waiting + error.start})") from error
                 at += len(data)
                 lines = (rest + newlines.decode(text, final=not data)).split("\n")
                 rest = lines.pop()
@@ -310,7 +310,7 @@ def read_columns(path: Path, known: tuple[str, ...]) -> dict[str, np.ndarray]:
     InputError : unreadable, no table, a cell that is no number; or a column `t` whose times do not rise, or one row.
     """
     if not path.is_file():
-        raise InputError(f"{path}: {'is no file' if path.exists() else 'does not exist'}")
+        raise InputError(f"{path}: {'is not a file' if path.exists() else 'does not exist'}")
     table = _read_csv(path, known)
     if "t" in table.columns:
         if len(table.rows) < 2:
@@ -326,7 +326,7 @@ def _read_csv(path: Path, known: tuple[str, ...] = COLUMNS) -> _Table:
         raise InputError(f"{path}: is empty, a header line is needed")
     names = _header(path, lines.pop(0))
     if (double := twice(names)) is not None:
-        raise InputError(f"{path}: row 1: column {shown(double)} is there twice")
+        raise InputError(f"{path}: row 1: column {shown(double)} appears twice")
     wanted = [name for name in names if name in known]
     parts: list[np.ndarray] = []
     rows: list[np.ndarray] = []
@@ -408,7 +408,7 @@ def _block(path: Path, names: list[str], wanted: list[str], lines: list[str], nu
             try:
                 value = _value(cell)
             except ValueError as error:
-                raise InputError(f"{path}: row {numbers[k]}: {wanted[j]} is {shown(cell)}, no number") from error
+                raise InputError(f"{path}: row {numbers[k]}: {wanted[j]} is {shown(cell)}, not a number") from error
             if not math.isfinite(value):
                 raise InputError(
                     f"{path}: row {numbers[k]}: {wanted[j]} is {cell[:LONGEST_VALUE]}, leave a cell empty where there "
@@ -422,14 +422,14 @@ def _cells(path: Path, number: int, line: str) -> list[str]:
     try:
         return next(csv.reader([line]))
     except csv.Error as error:
-        raise InputError(f"{path}: row {number}: is no row of a csv file ({error})") from error
+        raise InputError(f"{path}: row {number}: is not a row of a csv file ({error})") from error
 
 
 def _header(path: Path, line: str) -> list[str]:
     names = [name.strip() for name in _cells(path, 1, line)]
     for other, word in ((";", "semicolons"), ("\t", "tabs")):
         if len(names) == 1 and other in line:
-            raise InputError(f"{path}: row 1: its names are separated by {word}, commas are needed")
+            raise InputError(f"{path}: row 1: columns are separated by {word}; use commas")
     if names and all(name and _is_number(name) for name in names):
         raise InputError(f"{path}: row 1: holds numbers, a header line is needed")
     return names
@@ -447,7 +447,7 @@ def _read_parquet(path: Path) -> _Table:
             for name in wanted:
                 kind = file.schema_arrow.field(names.index(name)).type
                 if names.count(name) > 1:
-                    raise InputError(f"{path}: column {name!r} is there twice")
+                    raise InputError(f"{path}: column {name!r} appears twice")
                 if not (pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_null(kind)):
                     raise InputError(f"{path}: column {name}: holds {kind}, numbers are needed")
             # A few bytes may unpack to anything: what the file says of itself is looked at before it is unpacked.
@@ -504,7 +504,7 @@ def _check_times(path: Path, t: np.ndarray, rows: np.ndarray) -> None:
     """
     bad = np.flatnonzero(~np.isfinite(t))
     if bad.size:
-        raise InputError(f"{path}: row {rows[bad[0]]}: t is missing or no finite number")
+        raise InputError(f"{path}: row {rows[bad[0]]}: t is missing or not a finite number")
     back = np.flatnonzero(t[1:] <= t[:-1])
     if back.size:
         k = back[0]
@@ -537,16 +537,16 @@ def read_run(folder: str | os.PathLike, robot: Robot | None = None, need_measure
     """
     folder = Path(folder)
     if not folder.is_dir():
-        raise InputError(f"{folder}: is no run folder")
+        raise InputError(f"{folder}: is not a run folder")
     about = _meta_content(folder / "run.json")
     meta = _meta(folder / "run.json", about)
     path = _log_path(folder)
     table = _read_csv(path) if path.suffix == ".csv" else _read_parquet(path)
     columns, rows = table.columns, table.rows
     unknown = [key for key in about if key not in META_KEYS]
-    notices = [f"run.json: key {shown(key)} is not in the contract, ignored" for key in unknown[:MOST_NOTICES]]
+    notices = [f"run.json: key {shown(key)} is not in the format, ignored" for key in unknown[:MOST_NOTICES]]
     if len(unknown) > MOST_NOTICES:
-        notices.append(f"run.json: {len(unknown) - MOST_NOTICES} more keys are not in the contract, ignored")
+        notices.append(f"run.json: {len(unknown) - MOST_NOTICES} more keys are not in the format, ignored")
     notices += _strange(path.name, table.ignored)
     notices += table.notices
 
@@ -601,7 +601,7 @@ def read_case(folder: str | os.PathLike, need_measured: bool = True) -> Case:
     """
     folder = Path(folder)
     if not folder.is_dir():
-        raise InputError(f"{folder}: is no case folder")
+        raise InputError(f"{folder}: is not a case folder")
     if not any(folder.iterdir()):
         raise InputError(f"{folder}: is empty, a case needs robot.toml and at least one run folder")
     robot = load_robot(folder / "robot.toml")
@@ -624,8 +624,7 @@ def read_case(folder: str | os.PathLike, need_measured: bool = True) -> Case:
     wheels = [f"{c}_{s}" for c in ("w", "th") for s in robot.sides]
     if need_measured and not any(robot.noise(c) for run in runs for c in wheels if c in run.columns):
         raise InputError(
-            f"{folder / 'robot.toml'}: [sensors] names the noise of no w_* or th_* that the runs hold, a "
-            "diagnosis has no unit to count in"
+            f"{folder / 'robot.toml'}: [sensors] gives no noise for any w_* or th_* in the runs, so the gap has no unit"
         )
     return Case(name=folder.resolve().name, robot=robot, runs=tuple(runs), path=folder, notices=tuple(notices))
 
@@ -657,7 +656,7 @@ def read_writable_case(folder: str | os.PathLike) -> Case:
         try:
             name.encode("utf-8")
         except UnicodeEncodeError as error:
-            raise InputError(f"{folder}: {visible(name)} is no name in UTF-8; rename the folder") from error
+            raise InputError(f"{folder}: {visible(name)} is not a name in UTF-8; rename the folder") from error
     return case
 
 

@@ -51,7 +51,7 @@ def parse_effect(text: str, effects: dict[str, Effect]) -> tuple[str, str, dict[
             continue
         if key not in known:
             raise InputError(
-                f"--effect {text}: {key!r} is no parameter of {effect.id} (it has {', '.join(known)})"
+                f"--effect {text}: {key!r} is not a parameter of {effect.id} (it has {', '.join(known)})"
                 f"{did_you_mean(key, known)}"
             )
         try:

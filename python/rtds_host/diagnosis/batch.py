@@ -219,11 +219,11 @@ def _unwritable(name: str) -> str | None:
     try:
         length = len(name.encode("utf-8"))
     except UnicodeEncodeError:
-        return "its name is no text in UTF-8, no result can be kept under it; rename the folder"
+        return "its name is not text in UTF-8, no result can be kept under it; rename the folder"
     if length > LONGEST_NAME:
         return f"its name has {length} bytes, at most {LONGEST_NAME} are possible; rename the folder"
     if name in (STATE, *SHARED, ""):
-        return f"{name or '/'} is no name for a case, results are kept by names; rename the folder"
+        return f"{name or '/'} is not a name for a case, results are kept by names; rename the folder"
     return None
 
 

@@ -1,9 +1,10 @@
 """Fits of an explanation: nuisances and the parameters of its effects, jointly, at maximum posterior probability.
 
-The objective is -2 log of the likelihood (`likelihood`: white noise and a discrepancy a channel, estimated with the
-fit) times the prior: nuisances z are normal in units of their tolerance, effect parameters u, in units of their spread,
-are Cauchy about "absent", so that an effect ten times as large as usual is not impossible but ten squared times rarer.
-Gauss-Newton with damping on whitened residuals; the discrepancy is estimated again after each step.
+The objective is -2 log of the likelihood (`likelihood`: white noise, and a size of the model's error for each group of
+residuals, estimated with the fit) times the prior: nuisances z are normal in units of their tolerance. Effect
+parameters u, in units of their spread, are Cauchy about "absent", so that an effect ten times as large as usual is not
+impossible but ten squared times rarer.
+Gauss-Newton with damping on whitened residuals; the size of the model's error is estimated again after each step.
 """
 
 from __future__ import annotations

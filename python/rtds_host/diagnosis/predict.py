@@ -73,11 +73,11 @@ def _put_refit(model: Model, path: Path, refit: object, robot: Robot) -> None:
         raise InputError(f"{path}: nominal_fit: is {refit!r}, an object with l and r is needed")
     for suffix, values in refit.items():
         if suffix not in ("l", "r") or not isinstance(values, dict):
-            raise InputError(f"{path}: nominal_fit: {suffix!r} is no side, it must be l or r")
+            raise InputError(f"{path}: nominal_fit: {suffix!r} is not a side, it must be l or r")
         for key, value in values.items():
             place = f"nominal_fit.{suffix}.{key}"
             if key not in refitted:
-                raise InputError(f"{path}: {place}: is no nuisance of [motor], [chassis], [axis] or [servo]")
+                raise InputError(f"{path}: {place}: is not a nuisance of [motor], [chassis], [axis] or [servo]")
             # An offset or a travel may be negative, and is calibrated to no other sign.
             below = model.get(refitted[key]) < 0.0
             number = _number(path, place, value, positive=not below)
@@ -146,7 +146,7 @@ def _values_of(path: Path, place: str, entry: dict, effect: Effect, robot: Robot
     for name in given:
         if name not in parameters:
             raise InputError(
-                f"{path}: {place}.parameters.{name}: is no parameter of {effect.id} "
+                f"{path}: {place}.parameters.{name}: is not a parameter of {effect.id} "
                 f"(known: {', '.join(sorted(parameters))})"
             )
     for p in effect.parameters:

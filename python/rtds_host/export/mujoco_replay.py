@@ -101,7 +101,7 @@ class ExportedRobot:
             self.supply_v = float(self.model.numeric("supply_v").data[0])
         except (ValueError, KeyError) as error:
             raise InputError(
-                f"{path}: is no robot of `rtds export --to mjcf` ({' '.join(str(error).split())})"
+                f"{path}: is not a robot of `rtds export --to mjcf` ({' '.join(str(error).split())})"
             ) from error
         self.path = path
         self.gains = self.number("voltage_gain", 1.0)

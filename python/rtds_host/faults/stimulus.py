@@ -46,7 +46,7 @@ def read_stimulus(path: Path) -> Stimulus:
     for name in names:
         bad = np.flatnonzero(~(np.abs(columns[name]) <= 3.4e38))
         if bad.size:
-            raise InputError(f"{path}: row {bad[0] + 2}: {name} is missing, or no finite number")
+            raise InputError(f"{path}: row {bad[0] + 2}: {name} is missing, or not a finite number")
     if columns["t"][0] < 0.0:
         raise InputError(f"{path}: row 2: t is {columns['t'][0]:g} s, a run begins at 0")
     return Stimulus(path, columns["t"], {name: columns[name] for name in names})

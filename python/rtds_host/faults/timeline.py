@@ -73,7 +73,7 @@ class Injection:
             if fault.from_s >= duration_s:
                 raise InputError(f"{fault}: begins after the run, which lasts {duration_s:g} s")
             if fault.kind == "supply_dip" and fault.volts >= supply_v:
-                raise InputError(f"{fault}: is no dip, the supply's voltage is {supply_v:g} V")
+                raise InputError(f"{fault}: is not a dip, the supply's voltage is {supply_v:g} V")
             # The trapezoidal rule lets a current ring where a step is longer than twice the time constant L/R.
             if method != "backward_euler" and fault.kind == "phase_open":
                 if step_s * fault.resistance_ohm > 2.0 * inductance_h:

@@ -166,20 +166,20 @@ class Bag:
             refuse_other(path)
             if not is_bag(path):
                 raise InputError(
-                    f"{path}: is no bag (a bag is a folder with metadata.yaml, or a .mcap, .db3 or .bag file)"
+                    f"{path}: is not a bag (a bag is a folder with metadata.yaml, or a .mcap, .db3 or .bag file)"
                 )
             if path.stat().st_size == 0:
                 raise InputError(f"{path}: is empty")
             if path.suffix == ROS1_SUFFIX:
                 with open_regular(path) as stream:
                     if stream.read(len(ROS1_MAGIC)) != ROS1_MAGIC:
-                        raise InputError(f"{path}: is no ROS 1 bag: it does not begin with '#ROSBAG V2.0'")
+                        raise InputError(f"{path}: is not a ROS 1 bag: it does not begin with '#ROSBAG V2.0'")
             return path
         if (path / "metadata.yaml").is_file():
             return path
         found = sorted(p for suffix in SUFFIXES for p in path.glob(f"*{suffix}"))
         if not found:
-            raise InputError(f"{path}: is no bag: neither metadata.yaml nor a .mcap or .db3 file is there")
+            raise InputError(f"{path}: is not a bag: neither metadata.yaml nor a .mcap or .db3 file is there")
         if len(found) > 1:
             raise InputError(
                 f"{path}: metadata.yaml is missing and there are {len(found)} files; restore it with "
@@ -378,7 +378,7 @@ class Bag:
             if match[1] not in names:
                 raise InputError(
                     f"{self.path}: topic {request.topic}: is {msgtype}, which has no field {name!r}; "
-                    f"{'fields there are ' + ', '.join(names) if names else part + ' is no message'} "
+                    f"{'fields there are ' + ', '.join(names) if names else part + ' is not a message'} "
                     f"({request.place})"
                 )
             path.append(match[1])
@@ -387,7 +387,7 @@ class Bag:
                 path.append(int(index))
                 if not isinstance(value, (list, np.ndarray)):
                     raise InputError(
-                        f"{self.path}: topic {request.topic}: field {match[1]!r} of {msgtype} is no array "
+                        f"{self.path}: topic {request.topic}: field {match[1]!r} of {msgtype} is not an array "
                         f"({request.place})"
                     )
                 value = value[int(index)] if int(index) < len(value) else None

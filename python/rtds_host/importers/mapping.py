@@ -315,7 +315,7 @@ class _Parser:
             if channel not in QUANTITY:
                 raise self.fail(
                     place,
-                    f"is no channel of the contract, channels are {', '.join(QUANTITY)}"
+                    f"is not a channel of the format; channels are {', '.join(QUANTITY)}"
                     f"{did_you_mean(channel, QUANTITY)}",
                 )
             entries = entry if isinstance(entry, list) else [entry]

@@ -64,9 +64,9 @@ def read_sysid(path: Path) -> dict:
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: is no JSON ({error})") from error
+        raise InputError(f"{path}: is not JSON ({error})") from error
     if not isinstance(data, dict) or not any(name in data for name in TESTS):
-        raise InputError(f"{path}: is no SysId file: none of {', '.join(TESTS)} is there")
+        raise InputError(f"{path}: is not a SysId file: none of {', '.join(TESTS)} is there")
     data = _as_sysid(data)
     kind = data.get("test", "")
     if not isinstance(kind, str) or not isinstance(data.get("units", ""), str):
@@ -75,7 +75,7 @@ def read_sysid(path: Path) -> dict:
     for name in TESTS:
         rows = data.get(name, [])
         if not isinstance(rows, list):
-            raise InputError(f"{path}: {name} is no list of rows")
+            raise InputError(f"{path}: {name} is not a list of rows")
         for number, row in enumerate(rows, start=1):
             if not isinstance(row, list) or len(row) != len(columns):
                 raise InputError(
@@ -86,7 +86,7 @@ def read_sysid(path: Path) -> dict:
                 if value is ABSENT:
                     continue
                 if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-                    raise InputError(f"{path}: {name}, row {number}: {str(value)[:20]} is no finite number")
+                    raise InputError(f"{path}: {name}, row {number}: {str(value)[:20]} is not a finite number")
     if not tests_in(data):
         raise InputError(f"{path}: no test has as many as two rows")
     return data

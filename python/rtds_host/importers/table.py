@@ -35,7 +35,7 @@ class Table:
         self.mapping = mapping
         self.notices: list[str] = []
         if not path.is_file():
-            raise InputError(f"{path}: {'is no file' if path.exists() else 'does not exist'}")
+            raise InputError(f"{path}: {'is not a file' if path.exists() else 'does not exist'}")
         try:
             if path.stat().st_size > LARGEST_BYTES:
                 raise InputError(
@@ -51,7 +51,7 @@ class Table:
         except OSError as error:
             raise InputError(f"{path}: cannot be read ({error.strerror})") from error
         except UnicodeDecodeError as error:
-            raise InputError(f"{path}: is no text (byte {error.start})") from error
+            raise InputError(f"{path}: is not text (byte {error.start})") from error
         lines = text.splitlines()[mapping.skip_rows :]
         if not lines or not lines[0].strip():
             raise InputError(
@@ -60,10 +60,10 @@ class Table:
         try:
             rows = list(csv.reader(lines, delimiter=mapping.delimiter))
         except csv.Error as error:
-            raise InputError(f"{path}: is no csv file ({error})") from error
+            raise InputError(f"{path}: is not a csv file ({error})") from error
         self.names = [name.strip() for name in rows[0]]
         if (double := twice(self.names)) is not None:
-            raise InputError(f"{path}: row {mapping.skip_rows + 1}: column {shown(double)} is there twice")
+            raise InputError(f"{path}: row {mapping.skip_rows + 1}: column {shown(double)} appears twice")
         self.first_row = mapping.skip_rows + 2
         self.rows: list[tuple[int, list[str]]] = []
         for number, row in enumerate(rows[1:], start=self.first_row):
@@ -118,7 +118,7 @@ class Table:
                     raise ValueError(cell)
                 values[n] = float(cell.replace(",", ".") if self.mapping.decimal == "," else cell)
             except ValueError as error:
-                raise InputError(f"{self.path}: row {number}: {name} is {shown(cell)}, no number") from error
+                raise InputError(f"{self.path}: row {number}: {name} is {shown(cell)}, not a number") from error
             if math.isinf(values[n]):
                 raise InputError(f"{self.path}: row {number}: {name} is infinite")
         return values

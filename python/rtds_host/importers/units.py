@@ -88,7 +88,7 @@ def factor(
         value = FIXED[quantity][unit]
     elif unit not in RELATIVE.get(quantity, ()):
         raise InputError(
-            f"{place}: unit {unit!r} is no unit of {quantity}, use one of {', '.join(known_units(quantity))}"
+            f"{place}: unit {unit!r} is not a unit of {quantity}, use one of {', '.join(known_units(quantity))}"
         )
     elif unit in ("duty", "%", "pwm"):
         top = {"duty": 1.0, "%": 100.0, "pwm": full_scale}[unit]

@@ -78,7 +78,7 @@ def _records(path: Path) -> Any:
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
     if not reader.isValid():
-        raise InputError(f"{path}: is no WPILib data log")
+        raise InputError(f"{path}: is not a WPILib data log")
     return reader
 
 

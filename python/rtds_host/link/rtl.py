@@ -143,7 +143,7 @@ class RtlLink(ConfiguredLink):
         except (ValueError, RecursionError):
             hello = None
         if not isinstance(hello, dict) or "version" not in hello:
-            raise self._failure("what it said first is no greeting of the link")
+            raise self._failure("what it said first is not a greeting of the link")
         if hello["version"] != protocol.VERSION:
             raise self._failure(f"it speaks version {str(hello['version'])[:20]} of the link, not {protocol.VERSION}")
         return str(hello.get("simulator", "unmodelled"))

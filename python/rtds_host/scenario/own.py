@@ -42,14 +42,14 @@ def own_scenario(name: str) -> Scenario:
         return find_scenario(name)
     path = Path(name)
     if not path.is_file():
-        raise InputError(f"{path}: {'is no file' if path.exists() else 'does not exist'}")
+        raise InputError(f"{path}: {'is not a file' if path.exists() else 'does not exist'}")
     return _of_python(path) if path.suffix == ".py" else _of_csv(path)
 
 
 def _of_python(path: Path) -> Scenario:
     spec = importlib.util.spec_from_file_location(f"rtds_own_{path.stem}", path)
     if spec is None or spec.loader is None:
-        raise InputError(f"{path}: is no Python file")
+        raise InputError(f"{path}: is not a Python file")
     module = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)

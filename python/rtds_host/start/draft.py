@@ -112,7 +112,7 @@ def header_of(path: Path) -> tuple[list[str], str]:
     try:
         names = [name.strip() for name in next(csv.reader([line], delimiter=delimiter))]
     except csv.Error as error:
-        raise InputError(f"{path}: row 1: is no row of a csv file ({error})") from error
+        raise InputError(f"{path}: row 1: is not a row of a csv file ({error})") from error
     if len(names) < 2:
         raise InputError(f"{path}: row 1: has one name, {shown(line)}; a time and a channel at least are needed")
     return names[:MOST_COLUMNS], delimiter

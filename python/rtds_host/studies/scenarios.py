@@ -143,9 +143,7 @@ def main(
     effect: Annotated[
         list[str] | None, typer.Option(help="An effect, as of `rtds run --effect`; may be repeated.")
     ] = None,
-    robot: Annotated[
-        str, typer.Option(help="A robot that comes along (burger, jackal, ...), or a robot.toml.")
-    ] = "burger",
+    robot: Annotated[str, typer.Option(help="A built-in robot (burger, jackal, ...), or a robot.toml.")] = "burger",
     engine: Annotated[str, typer.Option(help="pybullet or mujoco; the other one is compared.")] = default_engine(),
     controller: Annotated[str, typer.Option(help="exact or paper.")] = "exact",
     link: Annotated[str, typer.Option(help="model or rtl.")] = "model",

@@ -124,7 +124,7 @@ def read_settings(path: Path) -> Settings:
         if key == "schema":
             continue
         if key not in defaults:
-            raise InputError(f"{path}: {key!r} is no setting{did_you_mean(key, defaults)}")
+            raise InputError(f"{path}: {key!r} is not a setting{did_you_mean(key, defaults)}")
         if isinstance(defaults[key], tuple):
             right = isinstance(value, list) and all(isinstance(one, str) for one in value)
             value = tuple(value) if right else value

@@ -186,7 +186,7 @@ def test_a_load_in_another_kinds_unit_is_refused(tmp_path):
             }
         )
     )
-    with pytest.raises(InputError, match="mass_kg: is no parameter of payload_error .known: inertia_kg_m2"):
+    with pytest.raises(InputError, match="mass_kg: is not a parameter of payload_error .known: inertia_kg_m2"):
         read_diagnosis(path, case.robot)
 
 

@@ -85,8 +85,8 @@ def test_a_column_that_is_nearly_a_channel_is_named(tmp_path):
     (tmp_path / "run.json").write_text('{"schema": "rtds-run/1"}')
     (tmp_path / "log.csv").write_text("t,v_cmd_l,v_cmd_r,vbus,temperature\n0,0,0,0,20\n1,0,0,0,20\n")
     one, other = read_run(tmp_path).notices
-    assert one.endswith("column 'vbus' is not in the contract, ignored; did you mean 'v_bus'?")
-    assert other.endswith("'temperature' is not in the contract, ignored")
+    assert one.endswith("column 'vbus' is not in the format, ignored; did you mean 'v_bus'?")
+    assert other.endswith("'temperature' is not in the format, ignored")
 
 
 def shown(words, monkeypatch, capsys, columns):

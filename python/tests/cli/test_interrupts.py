@@ -76,7 +76,7 @@ sys.last_of_all = Last()
 @pytest.mark.parametrize(("arguments", "status"), [(("--version",), 0), (("diagnose", "nowhere", "--out", "out"), 2)])
 def test_when_the_work_is_done_nothing_changes_its_end(tmp_path, program, arguments, status):
     ended, printed = struck(tmp_path, program, *arguments)
-    assert ended == (status, "rtds: nowhere: is no case folder\n" if status else "")
+    assert ended == (status, "rtds: nowhere: is not a case folder\n" if status else "")
     assert printed.startswith("rtds, version") == (status == 0)
 
 

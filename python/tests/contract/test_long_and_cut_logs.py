@@ -108,11 +108,11 @@ def test_a_log_reads_alike_in_blocks_of_any_size(run, monkeypatch, size, ends):
 @pytest.mark.parametrize(
     ("row", "text", "words"),
     [
-        (30, "0.28,1,1,x,0", "row 30: w_l is 'x', no number"),
+        (30, "0.28,1,1,x,0", "row 30: w_l is 'x', not a number"),
         (30, "0.28,1,1,0", "row 30: has 4 cells"),
         (30, "0.01,1,1,0,0", "row 30: time goes back"),
         (30, "0.28,1,1,inf,0", "row 30: w_l is inf"),
-        (30, "0.28,1,1,\udce4,0", "is no text"),
+        (30, "0.28,1,1,\udce4,0", "is not text"),
     ],
 )
 def test_a_complaint_names_the_row_in_a_later_block(run, monkeypatch, row, text, words):

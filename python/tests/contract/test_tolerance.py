@@ -117,8 +117,8 @@ def test_every_nuisance_moves_the_model_as_the_diagnosis_that_reports_it_does(tm
 @pytest.mark.parametrize(
     ("line", "complaint"),
     [
-        ("resistance_ohms = 0.1", r"\[tolerance\] resistance_ohms: is no constant .*resistance_ohm"),
-        ("length_m = 0.1", r"length_m: is no constant of \[motor\] or \[chassis\]"),
+        ("resistance_ohms = 0.1", r"\[tolerance\] resistance_ohms: is not a constant .*resistance_ohm"),
+        ("length_m = 0.1", r"length_m: is not a constant of \[motor\] or \[chassis\]"),
         ("motor = 20", r"motor: is 20, it must lie within 0 to 1 \(per cent"),
         ("motor = -0.1", "motor: is -0.1"),
         ("motor = true", "motor: is True, a number is needed"),

@@ -44,7 +44,7 @@ def test_names_of_effects_can_be_given_back(effect):
     ("text", "words"),
     [
         ("friction.torque_nm=1", "'friction' is not in the catalogue"),
-        ("coulomb_friction.torque=1", "'torque' is no parameter of coulomb_friction"),
+        ("coulomb_friction.torque=1", "'torque' is not a parameter of coulomb_friction"),
         ("coulomb_friction.torque_nm=11", "within 0 to 4.7"),
         ("coulomb_friction.torque_nm=nan", "not a finite number"),
         ("coulomb_friction.torque_nm=much", "'much' is not a finite number"),

@@ -80,7 +80,7 @@ def complete(*names: str) -> set[str]:
 @pytest.mark.parametrize(
     ("spoil", "said"),
     [
-        (lambda case: shutil.rmtree(case), "is no case folder"),
+        (lambda case: shutil.rmtree(case), "is not a case folder"),
         (lambda case: tell(case, do="raise"), "internal error at batch_work.py:"),
         (lambda case: tell(case, do="die"), "its process died"),
     ],
@@ -263,8 +263,8 @@ def test_a_run_whose_name_is_no_text_costs_its_case_alone(cases, tmp_path, capsy
     out = tmp_path / "out"
     assert batch.run_many(cases, out, jobs=1, work=fake) == ["two"]
     assert visible(out) == complete("one", "three")
-    assert r"spin\udce9 is no name in UTF-8" in capsys.readouterr().err
-    with pytest.raises(InputError, match="is no name in UTF-8"):
+    assert r"spin\udce9 is not a name in UTF-8" in capsys.readouterr().err
+    with pytest.raises(InputError, match="is not a name in UTF-8"):
         batch.run_one(cases[1], tmp_path / "single")
     assert not (tmp_path / "single").exists()
 
@@ -454,7 +454,8 @@ def test_a_blind_check_is_answered_on_a_cluster(cluster, tmp_path):
 )
 def test_what_is_no_address_is_refused_before_anything_is_asked(cases, tmp_path, monkeypatch, address):
     monkeypatch.setattr("socket.create_connection", lambda *a, **k: pytest.fail("asked"))
-    with pytest.raises(InputError, match=r"is no address of a scheduler, tcp://host:8786 or tls://host:8786 is needed"):
+    needed = r"is not an address of a scheduler, tcp://host:8786 or tls://host:8786 is needed"
+    with pytest.raises(InputError, match=needed):
         batch.run_many(cases, tmp_path / "out", scheduler=address, work=fake)
 
 

@@ -85,7 +85,7 @@ def test_a_file_of_another_kind_is_no_robot(tmp_path):
     from rtds_host.export.mujoco_replay import ExportedRobot
 
     (tmp_path / "other.xml").write_text("<mujoco/>")
-    with pytest.raises(RtdsError, match=r"other.xml: is no robot of `rtds export --to mjcf`"):
+    with pytest.raises(RtdsError, match=r"other.xml: is not a robot of `rtds export --to mjcf`"):
         ExportedRobot(tmp_path / "other.xml")
 
 

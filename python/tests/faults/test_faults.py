@@ -193,7 +193,7 @@ def test_a_script_that_cannot_be_meant_ends_in_one_line(tmp_path, text, says):
     [
         (Fault("supply_dip", 1.000005, volts=5.0), {}, "not a whole number of simulation steps"),
         (Fault("supply_dip", 11.0, volts=5.0), {}, "begins after the run"),
-        (Fault("supply_dip", 1.0, volts=12.0), {}, "is no dip"),
+        (Fault("supply_dip", 1.0, volts=12.0), {}, "is not a dip"),
         (Fault("phase_open", 1.0, side="left"), {"method": "trapezoidal", "inductance_h": 1e-3}, "needs the method"),
     ],
 )

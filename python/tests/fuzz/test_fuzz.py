@@ -34,7 +34,7 @@ def test_a_reader_that_reads_what_is_not_there_is_seen(tmp_path, monkeypatch):
 
 def test_an_internal_error_and_a_half_written_output_are_seen(tmp_path):
     assert fuzz.one_line("rtds: internal error at x.py:3: KeyError: 'a'\n") is not None
-    assert fuzz.one_line("rtds: log.csv: row 3: w_l is 'x', no number\n") is None
+    assert fuzz.one_line("rtds: log.csv: row 3: w_l is 'x', not a number\n") is None
     (tmp_path / "p.csv").write_text("")
     assert fuzz.told(tmp_path, 2, "rtds: log.csv: is empty\n", ("p.csv",), set(), lambda: None)[0] == fuzz.TROUBLE
 

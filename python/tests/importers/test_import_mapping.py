@@ -199,12 +199,12 @@ def test_factors_of_common_units():
     [
         (
             "[signal.w_l]\ntopic = '/left/wheel'\nfield = 'rpm'\nunit = 'furlongs'",
-            "unit 'furlongs' is no unit of speed",
+            "unit 'furlongs' is not a unit of speed",
         ),
         ("[signal.w_l]\ntopic = '/a'\nfield = 'x'\nunits = 'rpm'", "key 'units' is unknown"),
         ("[signal.w_l]\nfield = 'x'", "needs a topic .* or a column"),
         ("[signal.w_l]\ntopic = '/a'", "needs the field"),
-        ("[signal.speed]\ntopic = '/a'\nfield = 'x'", "is no channel of the contract"),
+        ("[signal.speed]\ntopic = '/a'\nfield = 'x'", "is not a channel of the format"),
         ("[signal.v_bus]\ntopic = '/a'\nfield = 'x'\nreverse = 1", "true or false"),
         ("[signal.w_l]\ntopic = '/a'\nfield = 'x'\ndelay_samples = 0.5", "whole number"),
         ("[signal.w_l]\ntopic = '/a'\nfield = 'x'\nscale = 'two'", "finite number"),

@@ -292,8 +292,8 @@ def test_an_angle_is_taken_where_the_wheels_tell_its_unit(tmp_path):
     "change, words",
     [
         ({"slow-forward": [[0.0, 1.0]]}, "slow-forward, row 1: 9 numbers are needed"),
-        ({"slow-forward": [[0.0] * 8 + ["x"]] * 2}, "slow-forward, row 1: x is no finite number"),
-        ({"slow-forward": "none"}, "slow-forward is no list of rows"),
+        ({"slow-forward": [[0.0] * 8 + ["x"]] * 2}, "slow-forward, row 1: x is not a finite number"),
+        ({"slow-forward": "none"}, "slow-forward is not a list of rows"),
         ({"test": 3}, "test and units must be texts"),
     ],
 )
@@ -304,8 +304,8 @@ def test_a_damaged_sysid_file_is_named_with_the_place(tmp_path, change, words):
 
 def test_json_that_is_no_sysid_is_refused(tmp_path):
     path = written(tmp_path, {"a": 1})
-    with pytest.raises(InputError, match="is no SysId file"):
+    with pytest.raises(InputError, match="is not a SysId file"):
         import_case([path], tmp_path / "case", robot="frc_cim")
     path.write_text("{")
-    with pytest.raises(InputError, match="is no JSON"):
+    with pytest.raises(InputError, match="is not JSON"):
         import_case([path], tmp_path / "case", robot="frc_cim")

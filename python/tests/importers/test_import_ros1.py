@@ -44,7 +44,7 @@ def test_a_cut_bag_is_refused_in_one_line(bags, tmp_path):
 def test_another_file_with_its_name_is_refused_by_what_it_is(tmp_path, start):
     bag = tmp_path / "drive.bag"
     bag.write_bytes(start)
-    with pytest.raises(InputError, match=r"drive\.bag: (is empty|is a ROS 1 bag of an old format|is no ROS 1 bag)"):
+    with pytest.raises(InputError, match=r"drive\.bag: (is empty|is a ROS 1 bag of an old format|is not a ROS 1 bag)"):
         import_case([bag], tmp_path / "case")
 
 

@@ -113,9 +113,9 @@ def test_an_epoch_in_nanoseconds_keeps_its_digits(tmp_path):
     [
         (lambda r: r[7].__setitem__(0, 20), r"row 9: time goes back \(ms is 120, then 20\)"),
         (lambda r: r[7].__setitem__(0, ""), "row 9: ms is empty"),
-        (lambda r: r[7].__setitem__(3, "six"), "row 9: rpm_l is 'six', no number"),
-        (lambda r: r[7].__setitem__(3, "1_0"), "row 9: rpm_l is '1_0', no number"),
-        (lambda r: r[7].__setitem__(3, "\u0663"), "row 9: rpm_l is '\u0663', no number"),
+        (lambda r: r[7].__setitem__(3, "six"), "row 9: rpm_l is 'six', not a number"),
+        (lambda r: r[7].__setitem__(3, "1_0"), "row 9: rpm_l is '1_0', not a number"),
+        (lambda r: r[7].__setitem__(3, "\u0663"), "row 9: rpm_l is '\u0663', not a number"),
         (lambda r: r[7].__setitem__(3, "inf"), "row 9: rpm_l is infinite"),
         (lambda r: r[7].pop(), "row 9: has 7 cells, the header names 8"),
         (lambda r: r[-1].__delitem__(slice(3, None)), "row 61: has 3 cells, the header names 8, the file is truncated"),
@@ -147,7 +147,7 @@ def test_a_bad_table_is_named_with_its_row(tmp_path, change, complaint):
             HEADER.replace("rpm_l", "rpm") + "\n" + "1,2,3,4,5,6,7,8\n2,2,3,4,5,6,7,8\n",
             r"column 'rpm_l' \(.*signal.w_l.*\): missing, columns are ms, duty_l",
         ),
-        (HEADER.replace("rpm_l", "duty_l") + "\n1,2,3,4,5,6,7,8\n", "column 'duty_l' is there twice"),
+        (HEADER.replace("rpm_l", "duty_l") + "\n1,2,3,4,5,6,7,8\n", "column 'duty_l' appears twice"),
     ],
 )
 def test_a_table_without_what_is_mapped(tmp_path, text, complaint):
@@ -158,7 +158,7 @@ def test_a_table_without_what_is_mapped(tmp_path, text, complaint):
 def test_a_file_that_is_no_text(tmp_path):
     path = tmp_path / "log.csv"
     path.write_bytes(b"\xff\xfe\x00\x01")
-    with pytest.raises(InputError, match="is no text"):
+    with pytest.raises(InputError, match="is not text"):
         bring(tmp_path, path)
 
 

@@ -97,7 +97,7 @@ def test_its_entries_are_listed_with_a_guess(drive):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda data: b"WPILOG", "is no WPILib data log"),
+        (lambda data: b"WPILOG", "is not a WPILib data log"),
         (lambda data: data.replace(b"drive/left rate", b"drive/left rat2"), "no entry 'drive/left rate' with numbers"),
         (lambda data: log({"messages": ("string", [(1, b"a")])}), "holds no entry with numbers"),
         (lambda data: log({"x": ("double", [(1, b"abc")])}), "is damaged"),

@@ -126,7 +126,7 @@ def test_predict_writes_all_three(case, tmp_path, monkeypatch):
     (["predict", "case/spin", "--robot", "case/robot.toml", "--out", "p.csv", "--mcap", "case"], "is a folder"),
     (["predict", "case/spin", "--robot", "case/robot.toml", "--out", "p.csv", "--mcap", "case/robot.toml"],
         "an input of this very"),
-    (["diagnose", "case", "case", "--out", "out", "--mcap", "m.mcap"], "one case, diagnosed here"),
+    (["diagnose", "case", "case", "--out", "out", "--mcap", "m.mcap"], "takes one case, without --scheduler"),
     (["diagnose", "case", "--out", "out", "--mcap", "case"], "is a folder"),
 ])  # fmt: skip
 def test_a_place_that_cannot_be_is_refused_before_the_work(words, complaint, case, tmp_path, monkeypatch, capsys):

@@ -155,9 +155,9 @@ HELLO = f"""protocol.send_frame(sock, protocol.HELLO, b'{{"version": {protocol.V
             'protocol.send_frame(sock, protocol.HELLO, b\'{"version": 99, "simulator": "x"}\'); time.sleep(60)',
             f"it speaks version 99 of the link, not {protocol.VERSION}",
         ),
-        ("protocol.send_frame(sock, protocol.HELLO, b'{\"version\"'); time.sleep(60)", "no greeting of the link"),
-        ("protocol.send_frame(sock, protocol.HELLO, b'\\xff'); time.sleep(60)", "no greeting of the link"),
-        ("protocol.send_frame(sock, protocol.HELLO, b'[2]'); time.sleep(60)", "no greeting of the link"),
+        ("protocol.send_frame(sock, protocol.HELLO, b'{\"version\"'); time.sleep(60)", "not a greeting of the link"),
+        ("protocol.send_frame(sock, protocol.HELLO, b'\\xff'); time.sleep(60)", "not a greeting of the link"),
+        ("protocol.send_frame(sock, protocol.HELLO, b'[2]'); time.sleep(60)", "not a greeting of the link"),
         (TRICKLE, "no answer for 1.5 s; it has been ended"),
         (HELLO + NEXT + TRICKLE, "no answer for 1.5 s; it has been ended"),
         (

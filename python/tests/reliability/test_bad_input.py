@@ -50,7 +50,7 @@ def rtds(monkeypatch, capfd):
 def test_escape_codes_of_a_name_are_spelled_out(rtds, tmp_path):
     status, _, said = rtds("diagnose", tmp_path / "\x1b[31mred\nand more\udcff", "--out", tmp_path / "out")
     assert status == 2
-    assert said == [rf"rtds: {tmp_path}/\x1b[31mred and more\udcff: is no case folder"]
+    assert said == [rf"rtds: {tmp_path}/\x1b[31mred and more\udcff: is not a case folder"]
 
 
 # ---- names that are none -------------------------------------------------------------------------------------------
@@ -85,7 +85,7 @@ def test_a_name_that_is_no_text_is_refused_before_any_work(rtds, case, tmp_path,
     (case / place).resolve().rename((case / place).resolve().with_name("n\udce9"))
     folder = tmp_path / "n\udce9" if place == "." else case
     status, _, said = rtds(command, folder, "--out", tmp_path / "out")
-    assert status == 2 and len(said) == 1 and said[0].endswith(r"n\udce9 is no name in UTF-8; rename the folder")
+    assert status == 2 and len(said) == 1 and said[0].endswith(r"n\udce9 is not a name in UTF-8; rename the folder")
     assert not (tmp_path / "out").exists()
 
 

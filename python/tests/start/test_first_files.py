@@ -106,7 +106,7 @@ def test_a_script_gives_options_and_gets_a_robot(rtds, tmp_path):
     assert (status, said) == (0, []) and str(tmp_path / "mine" / "robot.toml") in out
     assert load_robot(tmp_path / "mine" / "robot.toml").name == "mine"
     status, _, said = rtds("init", tmp_path / "mine", *WORDS)
-    assert status == 2 and said[0].endswith("is there already; choose another folder")
+    assert status == 2 and said[0].endswith("already exists; choose another folder")
 
 
 def test_what_is_missing_is_named_and_nothing_is_written(rtds, tmp_path):
@@ -150,7 +150,7 @@ def test_a_motor_with_a_load_of_its_own_is_an_axis_with_tolerances(rtds, tmp_pat
         (["--axis", "inertia", *MOTOR, "--load-inertia", "-1"], "--load-inertia -1: it must lie within"),
         (["--axis", "inertia", *MOTOR, "--track-width", "1"], "--track-width: has no meaning for --axis inertia"),
         ([*WORDS, "--travel", "1"], "--travel: has no meaning for a robot on two wheels"),
-        (["--like", "burger", "--axis", "linear"], "--like burger: a robot that comes along has its own figures"),
+        (["--like", "burger", "--axis", "linear"], "--like burger: a built-in robot has its own figures"),
     ],
 )
 def test_an_axis_that_cannot_be_is_a_line_and_nothing_is_written(rtds, tmp_path, words, said):

@@ -57,7 +57,7 @@ def test_several_cases_are_a_list_in_one_json_also_where_they_fail(monkeypatch, 
     assert ended.value.code == 1
     found = json.loads(capfd.readouterr().out)["cases"]
     assert [(one["case"], one["verdict"]) for one in found] == [("a", None), ("b", None)]
-    assert all("is no case folder" in one["error"] for one in found)
+    assert all("is not a case folder" in one["error"] for one in found)
 
 
 def test_every_function_is_there_at_the_top():

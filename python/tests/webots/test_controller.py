@@ -161,7 +161,7 @@ def test_a_world_that_does_not_fit_is_refused_and_writes_nothing(tmp_path, drive
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        ('{"schema": "rtds-webots/1", "lnik": "model"}', "'lnik' is no setting; did you mean 'link'"),
+        ('{"schema": "rtds-webots/1", "lnik": "model"}', "'lnik' is not a setting; did you mean 'link'"),
         ('{"schema": "rtds-webots/1", "quit": "yes"}', "quit: 'yes' is not of the kind"),
         ('{"schema": "rtds-webots/1", "time_step_ms": 1.5}', "time_step_ms: 1.5"),
         ('{"schema": "rtds-webots/1", "effect": "x"}', "effect: 'x'"),
