@@ -111,6 +111,24 @@ def sagging(supply, source, level, unloaded, current, slope):
 
 
 @law
+def holding(current, speed, resistance, constant, damping, friction, gain, ki, limit):
+    """A servo's integral, V, at the start of a run that begins in motion: the voltage that holds the speed.
+
+    A log may begin anywhere in a motion, and says nothing of the integral. By then it makes up for most of the error;
+    a loop without one (ki = 0) keeps none.
+
+    current : as measured, A; 0 where that says nothing, for what the torques need; speed : at the gear's output, rad/s;
+    resistance : ohm; constant : V·s/rad and N·m/A there; damping : N·m·s/rad; friction : dry, N·m; gain : of the
+    driver, 1; ki : V/rad; limit : of the integral, V.
+    """
+    if speed == 0.0 or ki == 0.0:
+        return 0.0
+    torque = damping * speed + math.copysign(friction, speed)
+    taken = current if current != 0.0 else torque / constant
+    return clipped((resistance * taken + constant * speed) / gain, limit)
+
+
+@law
 def servo(miss, integral, kp, ki, period, limit, release):
     """Voltage, V, and integral, V, of a saturated PI speed controller with anti-windup (contract, section 7).
 

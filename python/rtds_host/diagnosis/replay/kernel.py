@@ -146,6 +146,10 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
         wm[k] = w[k]
         wf[k] = sensors.behind(w[k], start[9 + k] / side[k, W_GAIN], side[k, W_TAU], side[k, W_DELAY])
         cur[k] = sensors.initial_current(start[7 + k], start[11 + k], start[13 + k], side[k, I_GAIN], side[k, I_BIAS])
+        # What an axis reports in its first row may be noise, with any sign.
+        drawn, brake = (cur[k], side[k, COULOMB]) if axis == 0 else (0.0, 0.0)
+        limit = min(com[SERVO_LIMIT], supply)
+        integ[k] = driver.holding(drawn, w[k], side[k, R], ke[k], plain[k], brake, side[k, V_GAIN], com[KI], limit)
         contact[k] = gear.SPRING if side[k, STIFF] > 0.0 else (gear.FREE if side[k, BACKLASH] > 0.0 else gear.RIGID)
         flexible = flexible or contact[k] != gear.RIGID
         dry = dry or dry_of(side, k, com) or (curves is not None and forms.holds(curves[k]))
