@@ -101,6 +101,12 @@ def _eliminated(search: Search, fit: Fit, rejected: dict[Cause, str]) -> Attribu
     """The attribution by backward elimination. Effects that are removed are added to `rejected`."""
     store, effects = search.store, []
     while fit.hypothesis:
+        if refused := store.refused(fit):
+            # Fitted again without another effect, a size may have moved where it is no cause.
+            cause, why = next(iter(refused.items()))
+            rejected[cause] = why
+            (fit,) = store.converged(removing.without(store, fit, cause))
+            continue
         refitted = store.converged(removing.without(store, fit, *fit.hypothesis))
         effects = [_evidence_for(store, fit, cause, one) for cause, one in zip(fit.hypothesis, refitted)]
         removed = _weakest(store, fit, effects)

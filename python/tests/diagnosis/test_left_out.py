@@ -17,6 +17,7 @@ from rtds_host.diagnosis.left_out import left_out, left_out_gap, over_pieces, pa
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.search.driver import Search
+from rtds_host.diagnosis.search.store import ABSENT, AT_BOUND, TOLERATED
 from rtds_host.plant.schema import OUTPUT_INDEX
 
 COULOMB = ("coulomb_friction", "both")
@@ -131,6 +132,30 @@ def test_what_one_run_alone_knows_of_and_fits_amiss_in_the_others_is_not_include
     found = attribute(search, fit)
     assert [one.cause for one in found.included] == [COULOMB]
     assert "held-out runs" in found.rejected["driver_gain", "both"]
+
+
+@pytest.mark.parametrize(
+    ("cause", "size", "why"),
+    [
+        (("measurement_delay", "both"), {"seconds": 0.0}, ABSENT),
+        (("pwm_curve", "both"), {"curvature": 10.0}, AT_BOUND),
+        (("resistance_error", "left"), {"ratio": 1.01}, TOLERATED),
+    ],
+)
+def test_an_effect_that_is_no_cause_at_its_size_is_not_included(monkeypatch, cause, size, why):
+    """Fitted again without another effect, a size may become nothing or move to the end of what is searched."""
+    robot = builtin_robot("burger")
+    model = nominal_model(robot)
+    model.add("coulomb", 0.05)
+    runs = tuple(make_run(kind, model, robot, kind, seed=k) for k, kind in enumerate(("steps", "weave")))
+    search, fit = fitted(Case("friction", robot, runs), {COULOMB: {"torque_nm": 0.04}})
+    hypothesis, sizes = joined(fit.parts | {cause: scaled(search.store.effects, (cause,), [size])})
+    moved = replace(search.store.try_fit(hypothesis, sizes, fit), u=sizes)
+    monkeypatch.setattr("rtds_host.diagnosis.attribution._simplest", lambda _, one: one)
+    monkeypatch.setattr(type(search.store), "within_noise", lambda *_: False)
+    found = attribute(search, moved)
+    assert [one.cause for one in found.included] == [COULOMB]
+    assert found.rejected[cause] == why
 
 
 @pytest.mark.parametrize(

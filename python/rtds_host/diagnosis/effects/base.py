@@ -236,6 +236,15 @@ class Effect:
                 return True
         return False
 
+    def absent(self, values: Mapping[str, float], robot: Robot) -> bool:
+        """Whether the effect at this size changes nothing of a nominal robot."""
+        if all(values[p.name] != p.null for p in self.parameters):
+            return False
+        model = nominal_model(robot)
+        before = model.copy()
+        self.apply(model, (0, 1), values)
+        return bool(np.array_equal(model.side, before.side) and np.array_equal(model.common, before.common))
+
     def written(self, robot: Robot) -> set[str]:
         """Parameters of the plant (`rtds_host.plant.schema`) that it changes in a nominal robot."""
         model = nominal_model(robot)

@@ -33,6 +33,11 @@ SIDE_PRIOR = {"both": 0.5, "left": 0.25, "right": 0.25}
 # Numerical: how far behind in score a rough fit is certainly the worse one, and how far it may be from convergence.
 FAR, ROUGHLY = 200.0, 20.0
 
+# Why an effect is no cause at the size that was fitted.
+AT_BOUND = "has a size at the end of what is searched"
+ABSENT = "has a size of nothing"
+TOLERATED = "lies within the tolerance of its constant"
+
 
 class Store:
     """Explanations of one case; `fits` holds the best fit of each that was tried.
@@ -77,18 +82,27 @@ class Store:
         return (self.score(other) - self.score(fit)) / max(excess(self.problem, other), 1.0)
 
     def admissible(self, fit: Fit) -> bool:
-        """Whether each effect exceeds its constant's tolerance, and lies strictly within its bounds.
+        """Whether each effect of an explanation can be a cause, see `refused`."""
+        return not self.refused(fit)
 
-        A ratio within three sigmas of the tolerance of R, K, J or B is a nuisance (contract, section 2). A size at its
-        bound replaces something else.
+    def refused(self, fit: Fit) -> dict[tuple[str, str], str]:
+        """Effects of an explanation that are no cause at their size, and why.
+
+        A size at its bound replaces something else, and one of nothing is no effect. A ratio within three sigmas of the
+        tolerance of R, K, J or B is a nuisance (contract, section 2).
         """
-        effects = [(self.effects[e], values) for (e, _), values in zip(fit.hypothesis, fit.values)]
-        return not any(effect.at_its_bound(values) for effect, values in effects) and all(
-            abs(values[p.name] - 1.0) > band(self.problem.robot, p.of)
-            for effect, values in effects
-            for p in effect.parameters
-            if p.name == "ratio" and p.of
-        )
+        robot, found = self.problem.robot, {}
+        for cause, values in zip(fit.hypothesis, fit.values):
+            effect = self.effects[cause[0]]
+            if effect.at_its_bound(values):
+                found[cause] = AT_BOUND
+            elif effect.absent(values, robot):
+                found[cause] = ABSENT
+            elif any(
+                abs(values[p.name] - 1.0) <= band(robot, p.of) for p in effect.parameters if p.name == "ratio" and p.of
+            ):
+                found[cause] = TOLERATED
+        return found
 
     def best(self) -> Fit:
         """The most probable explanation so far."""
