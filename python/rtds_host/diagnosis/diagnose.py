@@ -364,12 +364,14 @@ def _beyond_noise(problem: Problem, fit: Fit, gap: float) -> bool:
 def _correlated(problem: Problem, fit: Fit) -> bool:
     """Whether what a fit leaves is no white noise: it follows itself, or displacements over a second, which average a
     sample's noise, are off by more than chance."""
-    for k in np.unique(problem.channels_of):
+    # Of angles and poses displacements are compared.
+    moves = [k for k in np.unique(problem.channels_of) if CHANNELS[k].startswith(("x", "y", "th"))]
+    for k in moves:
         mine = fit.residual[problem.channels_of == k]
         chance = 1.0 + SIGNIFICANT * np.sqrt(2.0 / len(mine))
-        if CHANNELS[k].startswith(("x", "y", "th")) and float(np.mean(mine**2)) > max(chance, gaps.LEAST**2):
+        if float(np.mean(mine**2)) > max(chance, gaps.LEAST**2):
             return True
-    return correlated(fit.residual, problem.channels_of, SIGNIFICANT)
+    return correlated(fit.residual, problem.channels_of, SIGNIFICANT, moves)
 
 
 def _louder(problem: Problem, fit: Fit) -> list[str]:

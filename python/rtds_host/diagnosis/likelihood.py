@@ -24,7 +24,7 @@ C. C. Holmes, S. G. Walker, J. R. Stat. Soc. B 78, 2016.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -110,7 +110,7 @@ class Likelihood:
         return float(np.sum(over / (1.0 + over / self.samples)))
 
 
-def correlated(residual: np.ndarray, channels: np.ndarray, sigmas: float) -> bool:
+def correlated(residual: np.ndarray, channels: np.ndarray, sigmas: float, differences: Collection[int] = ()) -> bool:
     """Whether residuals (N,), in order of time in each channel, are correlated or biased: no white noise of any size.
 
     In each channel the mean, and the mean product of residuals l rows apart for l = 1, 2, 3, ..., 8, 16, 32, ..., are
@@ -118,11 +118,13 @@ def correlated(residual: np.ndarray, channels: np.ndarray, sigmas: float) -> boo
 
     Parameters
     ----------
-    channels : (N,) the channel of each residual; sigmas : standard errors that count as more than chance.
+    channels : (N,) the channel of each residual; sigmas : standard errors that count as more than chance; differences :
+        channels whose residuals are differences of neighbouring samples. White noise makes these correlated at a lag
+        of one row, by -1/2, and at no other.
     """
     for channel in np.unique(channels):
         mine = residual[channels == channel]
-        lags = [*range(1, 9), *(2**k for k in range(4, 20))]
+        lags = [*range(2 if channel in differences else 1, 9), *(2**k for k in range(4, 20))]
         for products in (mine, *(mine[lag:] * mine[:-lag] for lag in lags if len(mine) - lag >= FEWEST_PRODUCTS)):
             if len(products) >= FEWEST_PRODUCTS:
                 error = float(products.std(ddof=1)) / np.sqrt(len(products))

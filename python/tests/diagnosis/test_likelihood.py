@@ -75,3 +75,12 @@ def test_white_noise_is_not_correlated_however_loud_and_wherever_it_is_louder():
     channels = np.zeros(len(GROUPS), int)
     assert not correlated(noise(size=40.0), channels, 4.9)
     assert not correlated(noise() * (1.0 + 9.0 * (GROUPS % 4 == 0)), channels, 4.9)
+
+
+def test_differences_of_white_noise_are_not_correlated_and_those_of_a_wave_are():
+    """Of angles and poses residuals are displacements, which share a sample with their neighbours."""
+    white, wave = noise(), 9.0 * np.sin(np.arange(len(GROUPS)) * 2.0 * np.pi / 40)
+    channels = np.zeros(len(GROUPS) - 1, int)
+    assert correlated(np.diff(white), channels, 4.9)
+    assert not correlated(np.diff(white), channels, 4.9, [0])
+    assert correlated(np.diff(white + wave), channels, 4.9, [0])
