@@ -22,6 +22,36 @@ SHORTEST_PERIOD_S = 1e-4
 # Positive values below are no unit of anything: the replay's matrices would be singular.
 TINY = 1e-15
 
+# Least and largest value of each constant that a diagnosis may refit: table -> key -> (low, high). They reject slips of
+# unit (mm for m, mH for H), not unusual machines.
+BOUNDS: dict[str, dict[str, tuple[float, float]]] = {
+    "motor": {
+        "resistance_ohm": (TINY, 1e5),
+        "inductance_h": (TINY, 100.0),
+        "torque_constant_nm_per_a": (TINY, 1e3),
+        "back_emf_constant_v_s_per_rad": (TINY, 1e3),
+        "rotor_inertia_kg_m2": (0.0, 1e3),
+        "viscous_friction_nm_s_per_rad": (0.0, 1e3),
+        "gear_ratio": (TINY, 1e5),
+    },
+    "chassis": {
+        "mass_kg": (TINY, 1e4),
+        "yaw_inertia_kg_m2": (TINY, 1e5),
+        "wheel_radius_m": (TINY, 10.0),
+        "wheel_inertia_kg_m2": (0.0, 1e3),
+        "track_width_m": (TINY, 100.0),
+        "com_x_m": (-10.0, 10.0),
+        "com_y_m": (-10.0, 10.0),
+    },
+    "axis": {
+        "inertia_kg_m2": (0.0, 1e6),
+        "mass_kg": (0.0, 1e6),
+        "length_m": (0.0, 1e3),
+        "metres_per_rad": (-1e3, 1e3),
+    },
+    "servo": {"kp_v_s_per_rad": (0.0, 1e9), "ki_v_per_rad": (0.0, 1e9)},
+}
+
 # Gains of [servo] that a file may leave out, to be estimated from the runs (contract, section 7).
 SERVO_GAINS = {"kp_v_s_per_rad", "ki_v_per_rad"}
 
@@ -242,6 +272,11 @@ class _Section:
             raise self.fail(key, f"is {value:g}, it must lie within {low:g} to {high:g}")
         return value
 
+    def constant(self, key: str, default: float | None = None) -> float:
+        """A number within `BOUNDS`."""
+        low, high = BOUNDS[self.name][key]
+        return self.number(key, default, low, high, positive=low == TINY)
+
     def choice(self, key: str, allowed: tuple[str, ...], default: str | None = None) -> str:
         value = self.table.get(key, default)
         if value is None:
@@ -379,19 +414,16 @@ def _driver(table: _Section | None) -> Driver:
 
 
 def _motor(table: _Section, electrical: bool, wheeled: bool) -> Motor:
-    """The motor's constants; without `electrical` ones where a torque is commanded.
-
-    Bounds reject slips of unit (mm for m, mH for H), not unusual motors.
-    """
+    """The motor's constants; without `electrical` ones where a torque is commanded."""
     absent = None if electrical else math.nan
     motor = Motor(
-        resistance_ohm=table.number("resistance_ohm", absent, high=1e5, positive=True),
-        inductance_h=table.number("inductance_h", absent, high=100.0, positive=True),
-        torque_constant_nm_per_a=table.number("torque_constant_nm_per_a", absent, high=1e3, positive=True),
-        back_emf_constant_v_s_per_rad=table.number("back_emf_constant_v_s_per_rad", absent, high=1e3, positive=True),
-        rotor_inertia_kg_m2=table.number("rotor_inertia_kg_m2", low=0.0, high=1e3),
-        viscous_friction_nm_s_per_rad=table.number("viscous_friction_nm_s_per_rad", low=0.0, high=1e3),
-        gear_ratio=table.number("gear_ratio", high=1e5, positive=True),
+        resistance_ohm=table.constant("resistance_ohm", absent),
+        inductance_h=table.constant("inductance_h", absent),
+        torque_constant_nm_per_a=table.constant("torque_constant_nm_per_a", absent),
+        back_emf_constant_v_s_per_rad=table.constant("back_emf_constant_v_s_per_rad", absent),
+        rotor_inertia_kg_m2=table.constant("rotor_inertia_kg_m2"),
+        viscous_friction_nm_s_per_rad=table.constant("viscous_friction_nm_s_per_rad"),
+        gear_ratio=table.constant("gear_ratio"),
     )
     if electrical and wheeled and motor.rotor_inertia_kg_m2 <= 0:
         raise table.fail("rotor_inertia_kg_m2", "is 0, it must be above 0 for a robot")
@@ -400,13 +432,13 @@ def _motor(table: _Section, electrical: bool, wheeled: bool) -> Motor:
 
 def _chassis(table: _Section) -> Chassis:
     return Chassis(
-        mass_kg=table.number("mass_kg", high=1e4, positive=True),
-        yaw_inertia_kg_m2=table.number("yaw_inertia_kg_m2", high=1e5, positive=True),
-        wheel_radius_m=table.number("wheel_radius_m", high=10.0, positive=True),
-        wheel_inertia_kg_m2=table.number("wheel_inertia_kg_m2", low=0.0, high=1e3),
-        track_width_m=table.number("track_width_m", high=100.0, positive=True),
-        com_x_m=table.number("com_x_m", 0.0, low=-10, high=10),
-        com_y_m=table.number("com_y_m", 0.0, low=-10, high=10),
+        mass_kg=table.constant("mass_kg"),
+        yaw_inertia_kg_m2=table.constant("yaw_inertia_kg_m2"),
+        wheel_radius_m=table.constant("wheel_radius_m"),
+        wheel_inertia_kg_m2=table.constant("wheel_inertia_kg_m2"),
+        track_width_m=table.constant("track_width_m"),
+        com_x_m=table.constant("com_x_m", 0.0),
+        com_y_m=table.constant("com_y_m", 0.0),
         com_z_m=table.number("com_z_m", 0.0, low=0, high=10),
     )
 
@@ -415,10 +447,10 @@ def _axis(table: _Section, motor: Motor) -> Axis:
     kind = table.choice("kind", ("inertia", "pendulum", "linear"))
     axis = Axis(
         kind=kind,
-        inertia_kg_m2=table.number("inertia_kg_m2", None if kind == "inertia" else 0.0, low=0.0, high=1e6),
-        mass_kg=table.number("mass_kg", None if kind != "inertia" else 0.0, low=0.0, high=1e6),
-        length_m=table.number("length_m", None if kind == "pendulum" else 0.0, low=0.0, high=1e3),
-        metres_per_rad=table.number("metres_per_rad", None if kind == "linear" else 0.0, low=-1e3, high=1e3),
+        inertia_kg_m2=table.constant("inertia_kg_m2", None if kind == "inertia" else 0.0),
+        mass_kg=table.constant("mass_kg", None if kind != "inertia" else 0.0),
+        length_m=table.constant("length_m", None if kind == "pendulum" else 0.0),
+        metres_per_rad=table.constant("metres_per_rad", None if kind == "linear" else 0.0),
         zero_rad=table.number("zero_rad", 0.0, low=-1e6, high=1e6),
     )
     load = {
@@ -445,8 +477,8 @@ def _servo(table: _Section, motor: Motor) -> tuple[Servo, tuple[str, ...]]:
             "wheel shows the difference",
         )
     servo = Servo(
-        kp_v_s_per_rad=table.number("kp_v_s_per_rad", guess, low=0.0, high=1e9),
-        ki_v_per_rad=table.number("ki_v_per_rad", 5.0 * guess, low=0.0, high=1e9),
+        kp_v_s_per_rad=table.constant("kp_v_s_per_rad", guess),
+        ki_v_per_rad=table.constant("ki_v_per_rad", 5.0 * guess),
         limit_v=table.number("limit_v", positive=True, high=1e4),
         period_s=max(period, SHORTEST_PERIOD_S),
         left_out=left_out,

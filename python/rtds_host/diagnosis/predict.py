@@ -12,6 +12,7 @@ import numpy as np
 
 from rtds_host.contract import Case, Robot, RunLog
 from rtds_host.contract.clock import SETTLED_S
+from rtds_host.contract.robot import BOUNDS
 from rtds_host.contract.runlog import read_json
 from rtds_host.diagnosis.effects import CATALOGUE, SIDES, Effect, catalogue, inside
 from rtds_host.diagnosis.forms.reading import apply_forms
@@ -67,8 +68,14 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
 
 
 def _put_refit(model: Model, path: Path, refit: object, robot: Robot) -> None:
-    """Put a diagnosis' `nominal_fit` into the model."""
+    """Put a diagnosis' `nominal_fit` into the model.
+
+    Raises
+    ------
+    InputError : a side or key that the robot does not have, or a value that a robot's file could not give.
+    """
     refitted = entries(robot)
+    tables = ("motor", "servo", "chassis" if robot.axis is None else "axis")
     if not isinstance(refit, dict):
         raise InputError(f"{path}: nominal_fit: is {refit!r}, an object with l and r is needed")
     for suffix, values in refit.items():
@@ -83,7 +90,11 @@ def _put_refit(model: Model, path: Path, refit: object, robot: Robot) -> None:
             number = _number(path, place, value, positive=not below)
             if below and number >= 0.0:
                 raise InputError(f"{path}: {place}: is {number:g}, it must be below 0")
-            model.put(refitted[key], number, ("lr".index(suffix),))
+            low, high = next(BOUNDS[table][key] for table in tables if key in BOUNDS[table])
+            held = inside(number, low, high)
+            if held is None:
+                raise InputError(f"{path}: {place}: is {number:g}, it must lie within {low:g} to {high:g}")
+            model.put(refitted[key], held, ("lr".index(suffix),))
 
 
 def _put_setup(model: Model, path: Path, setup: object) -> None:

@@ -213,6 +213,8 @@ def test_a_size_on_its_bound_is_read_as_a_report_writes_it(tmp_path):
         (lambda d: d["effects"][0]["parameters"]["torque_nm"].update(value=-1.0), "torque_nm"),
         (lambda d: d["nominal_fit"]["l"].update(resistance_ohm="much"), "nominal_fit.l.resistance_ohm"),
         (lambda d: d["nominal_fit"]["l"].update(resistance_ohm=10**400), "nominal_fit.l.resistance_ohm"),
+        (lambda d: d["nominal_fit"]["l"].update(resistance_ohm=1e300), "nominal_fit.l.resistance_ohm: is 1e+300,"),
+        (lambda d: d["nominal_fit"]["r"].update(mass_kg=1e5), "nominal_fit.r.mass_kg: is 100000, it must lie within"),
         (lambda d: d["effects"][0]["parameters"].update(torque=0.1), "effects[0].parameters.torque"),
         (lambda d: d["effects"][0].update(parameters=3), "effects[0].parameters"),
         (lambda d: d["effects"][0].update(id=["coulomb_friction"]), "effects[0].id"),
