@@ -431,7 +431,14 @@ def _motor(table: _Section, electrical: bool, wheeled: bool) -> Motor:
 
 
 def _chassis(table: _Section) -> Chassis:
-    return Chassis(
+    """Body and wheels.
+
+    Raises
+    ------
+    InputError : a key that is missing or not allowed, or less yaw inertia than the mass has where it lies: about the
+        axle's mid-point it is m y^2 at least (parallel axes).
+    """
+    chassis = Chassis(
         mass_kg=table.constant("mass_kg"),
         yaw_inertia_kg_m2=table.constant("yaw_inertia_kg_m2"),
         wheel_radius_m=table.constant("wheel_radius_m"),
@@ -441,6 +448,15 @@ def _chassis(table: _Section) -> Chassis:
         com_y_m=table.constant("com_y_m", 0.0),
         com_z_m=table.number("com_z_m", 0.0, low=0, high=10),
     )
+    # It holds m x^2, too, but the equations of motion stay regular without it: no file is refused for that.
+    least = chassis.mass_kg * chassis.com_y_m**2
+    if chassis.yaw_inertia_kg_m2 <= least:
+        raise table.fail(
+            "com_y_m",
+            f"is {chassis.com_y_m:g}, for that yaw_inertia_kg_m2 must be above mass_kg times its square, {least:g}; "
+            f"it is {chassis.yaw_inertia_kg_m2:g}",
+        )
+    return chassis
 
 
 def _axis(table: _Section, motor: Motor) -> Axis:

@@ -253,3 +253,17 @@ w_rad_s = 0.02
     robot = load_robot(path)
     assert robot.sides == ("l",) and np.isnan(robot.motor.resistance_ohm)
     assert builtin_robot("burger").sides == ("l", "r")
+
+
+@pytest.mark.parametrize(
+    ("y_m", "sound"), [(0.0, True), (0.0499, True), (-0.0499, True), (0.0501, False), (-0.5, False)]
+)
+def test_the_yaw_inertia_about_the_axle_holds_its_own_mass_beside_it(case, y_m, sound):
+    """By the parallel axes at least m y^2: of the burger's 1 kg and 0.0025 kg m^2, up to 0.05 m."""
+    path = case / "robot.toml"
+    text = path.read_text()
+    path.write_text(text.replace("com_y_m = 0.0 ", f"com_y_m = {y_m} "))
+    if sound:
+        assert load_robot(path).wheeled.com_y_m == y_m
+    else:
+        refuse(case, "robot.toml: [chassis] com_y_m: is", "yaw_inertia_kg_m2")

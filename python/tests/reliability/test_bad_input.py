@@ -274,6 +274,29 @@ def test_an_impossible_value_in_a_robot_is_named_by_its_key(rtds, case, tmp_path
     assert not (tmp_path / "p.csv").exists()
 
 
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("diagnose", "{case}"),
+        ("predict", "{case}/spin", "--robot", "{case}/robot.toml"),
+        ("export", "{said}", "--robot", "{case}/robot.toml", "--to", "mjcf"),
+    ],
+    ids=lambda arguments: arguments[0],
+)
+def test_a_mass_farther_off_the_axle_than_the_yaw_inertia_allows_is_refused_by_each_command(
+    rtds, case, tmp_path, arguments
+):
+    path = case / "robot.toml"
+    path.write_text(re.sub(r"^com_y_m\s*=.*$", "com_y_m = 0.5", path.read_text(), flags=re.MULTILINE))
+    said_before = tmp_path / "diagnosis.json"
+    said_before.write_text(json.dumps({"schema": DIAGNOSIS_SCHEMAS[0], "verdict": "none", "effects": []}))
+    names = {"case": case, "said": said_before}
+    status, _, said = rtds(*(a.format(**names) for a in arguments), "--out", tmp_path / "out")
+    assert status == 2 and len(said) == 1
+    assert "robot.toml: [chassis] com_y_m: is 0.5, " in said[0] and "yaw_inertia_kg_m2" in said[0]
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.parametrize("delimiter", ["", ",,", '"', "\\n", "."])
 def test_a_delimiter_that_is_none_is_named(rtds, tmp_path, delimiter):
     (tmp_path / "log.csv").write_text("t,a\n0,1\n1,2\n")
