@@ -555,7 +555,7 @@ def _strange(path: Path, data: dict) -> tuple[str, ...]:
     known["servo"].discard("left_out")
     known |= {"supply": {"voltage_v"}, "sensors": {"encoder", *NOISE_KEYS.values()}}
     # What is wrong in it ends in an error.
-    known["tolerance"] = set(data.get("tolerance", ()))
+    known["tolerance"] = set(_keys(data.get("tolerance")))
     names = [name for name in data if name not in known and name not in ("schema", "name")]
     keys = [(name, key) for name in known for key in _keys(data.get(name)) if key not in known[name]]
     found = [f"{path.name}: {shown(name)} is not in the format, ignored" for name in names[:MOST_NOTICES]]

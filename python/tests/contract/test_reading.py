@@ -267,3 +267,10 @@ def test_the_yaw_inertia_about_the_axle_holds_its_own_mass_beside_it(case, y_m, 
         assert load_robot(path).wheeled.com_y_m == y_m
     else:
         refuse(case, "robot.toml: [chassis] com_y_m: is", "yaw_inertia_kg_m2")
+
+
+@pytest.mark.parametrize("value", ["3", "true", "0.5", "[1, 2]", "[[1], [2]]", '"motor"'])
+def test_a_value_in_place_of_the_tolerances_is_named(case, value):
+    path = case / "robot.toml"
+    path.write_text(f"tolerance = {value}\n{path.read_text()}")
+    refuse(case, "robot.toml: [tolerance]: is ", "table")
