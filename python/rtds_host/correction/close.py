@@ -96,6 +96,21 @@ def _round(value: float | None, digits: int = 5) -> float | None:
     return None if value is None else float(f"{value:.{digits}g}")
 
 
+def _check_driven(case: Case) -> None:
+    """Whether the simulator can drive the robot, before it is diagnosed.
+
+    Raises
+    ------
+    InputError : a single axis, or a robot that is commanded speeds or torques.
+    """
+    robot = case.robot
+    if robot.axis is not None:
+        raise InputError(f"{case.path}: is a single axis, the real-time simulator has a robot on two wheels")
+    if robot.driver.mode != "voltage":
+        place = f"robot {robot.name!r}" if case.path is None else case.path / "robot.toml"
+        raise InputError(f"{place}: [driver] mode is {robot.driver.mode!r}, the real-time simulator drives by voltage")
+
+
 def close(
     case: Case,
     setting: Setting | None = None,
@@ -126,8 +141,7 @@ def close(
     setting = setting or Setting()
     say = progress or (lambda stage, share: None)
     robot = case.robot
-    if robot.axis is not None:
-        raise InputError(f"{case.path}: is a single axis, the real-time simulator has a robot on two wheels")
+    _check_driven(case)
     notes: list[str] = []
     if diagnosis is None:
         names = held_out(case, hold_out)

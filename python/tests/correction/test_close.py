@@ -111,6 +111,23 @@ def test_bad_input_is_one_line_and_nothing_is_written(case, tmp_path, options, w
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize(
+    "driver", ['mode = "torque"\ntorque_nm_per_v = 0.1', 'mode = "speed"\n[servo]\nlimit_v = 12\nperiod_s = 0.001']
+)
+def test_a_robot_that_is_not_driven_by_voltage_is_refused_before_it_is_diagnosed(case, tmp_path, monkeypatch, driver):
+    monkeypatch.setattr("rtds_host.correction.close.diagnose", lambda *a, **k: pytest.fail("diagnosed"))
+    runs = [
+        replace(run, columns={**run.columns, "w_cmd_l": run.columns["w_l"], "w_cmd_r": run.columns["w_r"]})
+        for run in case.runs
+    ]
+    folder = write_case(replace(case, runs=tuple(runs)), tmp_path / "case")
+    with open(folder / "robot.toml", "a") as file:
+        file.write(f"\n[driver]\n{driver}\n")
+    with pytest.raises(InputError, match=r"robot\.toml: \[driver\] mode is '(torque|speed)'.* drives by voltage"):
+        close_folder(folder, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.parametrize("engine", available_engines())
 def test_uneven_times_delays_and_slow_channels_are_taken_as_they_are(engine):
     model = model_with(
