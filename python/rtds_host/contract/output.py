@@ -131,7 +131,11 @@ def staged_folder(target: str | os.PathLike, replace: bool = False, owned: Colle
         if target.exists() and not target.is_dir():
             raise OutputError(f"{target}: is a file, a folder is needed for the output")
         target.parent.mkdir(parents=True, exist_ok=True)
-        scratch, lock = new_folder(_scratch_place(target), target.name)
+        try:
+            scratch, lock = new_folder(_scratch_place(target), target.name)
+        except OSError as error:
+            # Its own name is one that nobody gave.
+            raise OutputError(f"{target}: {_reason(error)}") from error
         yield scratch
         _keep(scratch)
         if replace or not target.exists():

@@ -48,6 +48,12 @@ def test_a_file_on_the_way_is_named(tmp_path):
         write_atomic(tmp_path, "")
 
 
+def test_a_place_that_takes_no_folder_is_named_and_not_the_scratch_folder():
+    with pytest.raises(OutputError) as error, staged_folder("/proc/out"):
+        pass
+    assert str(error.value).startswith("/proc/out: cannot write (")
+
+
 def test_what_cannot_be_written_is_named_by_its_place_and_not_by_the_scratch_folder(tmp_path):
     def full(path):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
