@@ -305,14 +305,27 @@ def _certified(scheduler: str) -> None:
         )
 
 
-@contextmanager
-def client_of(scheduler: str) -> Iterator[Any]:
+def check_cluster(scheduler: str) -> None:
+    """What can be found out of a cluster before work is handed to it.
+
+    Raises
+    ------
+    InputError : no address, or no certificate for it. LinkError : nobody listens there, or Dask is not installed.
+    """
     check_reachable(scheduler)
     try:
-        import dask
-        import distributed
+        import dask  # noqa: F401
+        import distributed  # noqa: F401
     except ImportError as error:
         raise LinkError(f"scheduler {scheduler}: Dask is not installed: pip install 'rtds-host[cluster]'") from error
+    _certified(scheduler)
+
+
+@contextmanager
+def client_of(scheduler: str) -> Iterator[Any]:
+    check_cluster(scheduler)
+    import dask
+    import distributed
 
     class Client(distributed.Client):
         def __del__(self) -> None:
@@ -320,7 +333,6 @@ def client_of(scheduler: str) -> Iterator[Any]:
             traceback.
             """
 
-    _certified(scheduler)
     # A case travels inside its task, on purpose: scattered data would be lost with the worker that holds it.
     settings = {
         "distributed.admin.large-graph-warning-threshold": "10GB",

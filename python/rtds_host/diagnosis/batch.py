@@ -28,7 +28,7 @@ from rtds_host.diagnosis.report import print_summary, report_page, validate
 from rtds_host.diagnosis.report.made import written
 from rtds_host.errors import InputError, OutputError, visible
 from rtds_host.vectors import given
-from rtds_host.workers import Outcome, cores, on_cluster, on_cores
+from rtds_host.workers import Outcome, check_cluster, cores, on_cluster, on_cores
 
 FILES = ("diagnosis.json", "report.html")
 # Next to the results of many cases: what is done, and the lock.
@@ -304,6 +304,9 @@ def run_many(
     by_name = _checked(cases, out)
     say = say or (lambda line: None)
     results = Results(out)
+    if scheduler is not None and not results.state.exists():
+        # Nothing is done here yet: a cluster that cannot be used must leave nothing. Where all is done, none is needed.
+        check_cluster(scheduler)
     with results.locked():
         results.sweep(list(by_name))
         rows = {

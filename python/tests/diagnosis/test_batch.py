@@ -457,6 +457,7 @@ def test_what_is_no_address_is_refused_before_anything_is_asked(cases, tmp_path,
     needed = r"is not an address of a scheduler, tcp://host:8786 or tls://host:8786 is needed"
     with pytest.raises(InputError, match=needed):
         batch.run_many(cases, tmp_path / "out", scheduler=address, work=fake)
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "tls://127.0.0.1:1", "tcp://no-such-host.invalid:8786"])
@@ -464,6 +465,12 @@ def test_an_address_where_nobody_answers_is_said_in_one_line(cases, tmp_path, ca
     with pytest.raises(LinkError, match=f"^scheduler {address}: does not answer") as caught:
         batch.run_many(cases, tmp_path / "out", scheduler=address, work=fake)
     assert "\n" not in str(caught.value) and capfd.readouterr().err == ""
+    assert not (tmp_path / "out").exists()
+
+
+def test_where_all_is_done_no_cluster_is_asked(cases, tmp_path):
+    assert batch.run_many(cases, tmp_path / "out", jobs=1, work=fake) == []
+    assert batch.run_many(cases, tmp_path / "out", scheduler="tcp://127.0.0.1:1", work=fake) == []
 
 
 def test_somebody_who_says_nothing_at_the_address_is_given_up(cases, tmp_path, monkeypatch, capfd):
