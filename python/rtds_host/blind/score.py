@@ -278,7 +278,8 @@ def _asked_and_named(truth: dict, answer: dict, named: Named) -> dict:
         "rest_said": placed,
         "rest_right": placed == rest["subsystem"] if rest and rest["gap_without"] >= REST_GAP else None,
         "closable": closable(truth),
-        "closed_ci90": (answer.get("gap") or {}).get("closed_ci90"),
+        # The interval is that of effects alone, and a prediction has the forms in it (contract, section 5).
+        "closed_ci90": None if answer.get("forms") else (answer.get("gap") or {}).get("closed_ci90"),
     }
 
 

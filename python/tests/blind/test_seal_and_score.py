@@ -398,6 +398,9 @@ def test_closure_is_measured_against_what_names_can_close_and_against_the_stated
     assert score.fresh_held(r) == [True, False]
     summary = score.summarise([r])
     assert summary["of_closable"]["median"] == 0.8 and summary["fresh_held"]["hits"] == 1
+    # A prediction has forms in it, and the interval has not.
+    formed = {**said, "forms": [{"term": "voltage", "side": "left", "over": "i"}]}
+    assert score.judge(many(rest), formed, ENTRY)["closed_ci90"] is None
 
 
 def test_the_page_says_how_its_cases_were_drawn():
