@@ -349,6 +349,13 @@ def test_a_name_that_helps_next_to_a_curve_stays():
 
 def bent(model) -> None:
     # Largest in the middle of the speeds that are reached, where no effect of the catalogue has a bend.
+    with_form(
+        model, "torque", "w", -6.0, 6.0, lambda x: -0.06 * np.sign(x) * (1.0 + 0.8 * np.exp(-((np.abs(x) - 2.5) ** 2)))
+    )
+
+
+def mostly_bent(model) -> None:
+    # Of the same kind, and the name makes three quarters of it.
     with_form(model, "torque", "w", -6.0, 6.0, lambda x: -0.06 * np.sign(x) * (0.4 + np.exp(-((np.abs(x) - 2.5) ** 2))))
 
 
@@ -360,6 +367,14 @@ def test_a_name_that_its_own_curve_could_make_keeps_its_size_or_there_is_no_curv
     found.judged[0] = replace(found.judged[-1], fit=before.fit)
     keep_sizes(problem, found)
     assert found.forms == [] and found.fit is before.fit
+
+
+def test_a_name_that_makes_less_than_a_formula_has_to_of_its_own_curve_is_superseded_by_it():
+    """Nine tenths: a name is a formula of the curve."""
+    _, found, cause = searched_with_friction(mostly_bent)
+    (form, _), *_ = found.forms
+    assert (form.term, form.over) == ("torque", "w")
+    assert found.superseded == [cause]
 
 
 def test_a_name_that_makes_most_of_what_its_own_curve_makes_stays_as_an_approximation():

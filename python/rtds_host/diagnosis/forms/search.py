@@ -22,6 +22,7 @@ from rtds_host.diagnosis.forms.candidates import candidates
 from rtds_host.diagnosis.forms.curves import Form, shapes
 from rtds_host.diagnosis.forms.ends import GAINS, movable, moves_of, with_ends
 from rtds_host.diagnosis.forms.fits import STEPS, Cause, derived, fitted, renewed, roughly, side_by_side_with, without
+from rtds_host.diagnosis.forms.formula import ENOUGH
 from rtds_host.diagnosis.forms.screen import FormCandidate, distinct, screened, slopes
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.report.words import OVER_WORDS, TERM_WORDS
@@ -278,8 +279,8 @@ def drop_superseded(problem: Problem, found: Found, lacking: Mapping[Cause, Fit]
     """Take back named effects that help no more once the curves are there, the most needless one first.
 
     A curve may be what another equation's effect stood in for. What the curve holds itself, as a torque over the speed
-    holds dry friction, never helps next to it: such a name stays as an approximation if alone it makes the larger part
-    of what the curve makes.
+    holds dry friction, never helps next to it: such a name stays as an approximation if alone it makes as much of what
+    the curve makes as a formula has to.
     """
     named = [cause for cause in found.judged[0].fit.hypothesis if cause in lacking]
     for cause in named:
@@ -318,14 +319,14 @@ def _again(problem: Problem, found: Found, cause: Cause) -> Fit:
 
 
 def _approximates(problem: Problem, found: Found, cause: Cause, less: HeldOutScore, lacking: Fit) -> bool:
-    """Whether an effect is a shape of a curve that was found, and makes the larger part of what the curve makes.
+    """Whether an effect is a shape of a curve that was found, and makes nearly all of what the curve makes.
 
     less : with the curves and without the effect; lacking : with neither.
     """
     if _made_by_curves(found, cause, MINOR_SHARE) is None:
         return False
     neither = HeldOutScore.of(problem, lacking).residual_power
-    return neither - found.judged[0].residual_power >= MAJORITY * (neither - less.residual_power)
+    return neither - found.judged[0].residual_power >= ENOUGH * (neither - less.residual_power)
 
 
 def _made_by_curves(found: Found, cause: Cause, most: float) -> np.ndarray | None:
