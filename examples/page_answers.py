@@ -201,7 +201,9 @@ def compare_answer(said: Answer, now: dict[str, Any]) -> list[str]:
         if not near_gap(value, gap.get(key))
     ]
     sure = min((e["probability"] for e in now["effects"]), default=None)
-    shares = {"probability": sure, "effect_closed": gap.get("effect_closed")}
+    closed = gap.get("effect_closed")
+    # The sentence says at most 100 %, of a replay that is closer than the declared noise.
+    shares = {"probability": sure, "effect_closed": None if closed is None else min(closed, 1.0)}
     wrong += [
         f"{key} {value:g}, now {shares[key]}"
         for key, value in said.shares.items()

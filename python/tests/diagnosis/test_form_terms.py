@@ -31,7 +31,8 @@ def some_of(overs: list[str], said: str) -> set[str]:
     assert re.fullmatch("all|none|all but .+", said)
     if said == "none":
         return set()
-    return set(overs) - {OVERS[one] for one in said.removeprefix("all").removeprefix(" but ").split(" and ") if one}
+    others = re.split(", | and ", said.removeprefix("all").removeprefix(" but "))
+    return set(overs) - {OVERS[one] for one in others if one}
 
 
 def said(torque_mode: bool, axis: bool) -> set[tuple[str, str]]:

@@ -307,3 +307,12 @@ EXPORTED = (
 def test_what_an_export_prints_may_differ_by_a_tenth_of_a_figure_and_no_word(tmp_path, old, new, wrong):
     command = "rtds export report/diagnosis.json --robot robot.toml --to mjcf --out burger.xml"
     assert bool(compare_output(command, EXPORTED, EXPORTED.replace(old, new), tmp_path)) == wrong
+
+
+def test_a_replay_that_is_closer_than_the_noise_closes_all_of_a_gap_and_no_more(tmp_path):
+    """`effect_closed` of such a diagnosis is above 1, and the sentence says 100 %."""
+    page = HEADLINE.replace("99.7 % closed;", "100 % closed;")
+    assert complaints(page, changed(KNOWN, ("gap", "effect_closed"), 1.1), tmp_path) == []
+    assert complaints(page, changed(KNOWN, ("gap", "effect_closed"), 0.8), tmp_path) == [
+        "rover: effect_closed 1, now 0.8"
+    ]
