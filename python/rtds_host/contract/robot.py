@@ -22,8 +22,8 @@ SHORTEST_PERIOD_S = 1e-4
 # Positive values below are no unit of anything: the replay's matrices would be singular.
 TINY = 1e-15
 
-# Least and largest value of each constant that a diagnosis may refit: table -> key -> (low, high). They reject slips of
-# unit (mm for m, mH for H), not unusual machines.
+# Least and largest value of the constants of a robot, in its file and in a diagnosis that refits them: table -> key ->
+# (low, high). They reject slips of unit (mm for m, mH for H), not unusual machines.
 BOUNDS: dict[str, dict[str, tuple[float, float]]] = {
     "motor": {
         "resistance_ohm": (TINY, 1e5),

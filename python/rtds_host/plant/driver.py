@@ -114,8 +114,8 @@ def sagging(supply, source, level, unloaded, current, slope):
 def holding(current, speed, resistance, constant, damping, friction, gain, ki, limit):
     """A servo's integral, V, at the start of a run that begins in motion: the voltage that holds the speed.
 
-    A log may begin anywhere in a motion, and says nothing of the integral. By then it makes up for most of the error;
-    a loop without one (ki = 0) keeps none.
+    A log may begin anywhere in a motion, and says nothing of the integral. At a steady speed the control error is
+    nearly zero, so the integral is nearly the whole voltage; a loop without one (ki = 0) has none.
 
     current : as measured, A; 0 where that says nothing, for what the torques need; speed : at the gear's output, rad/s;
     resistance : ohm; constant : V·s/rad and N·m/A there; damping : N·m·s/rad; friction : dry, N·m; gain : of the
