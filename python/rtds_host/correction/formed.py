@@ -117,6 +117,7 @@ class Formed:
                 forms.act(self.prompt[k], about, self.past[k], part)
                 acts[k] += part / len(currents)
                 drive[k] += rotor[k, layer.KM] * part[forms.CONSTANT] * current / len(currents)
+                drive[k] -= part[forms.FLUID] * turns / len(currents)
                 emf[k] += forms.back_emf(part, rotor[k, layer.KB], turns) / len(currents)
             about[_ABOUT["t"]] += self.delay_s
             forms.act(self.late[k], about, self.past[k], late)

@@ -77,6 +77,7 @@ class Forms:
         tendons = [model.tendon(k).name for k in range(model.ntendon)]
         self.scrub = tendons.index("scrub") if "scrub" in tendons else None
         self.still = [float(model.dof_frictionloss[int(wheel.dofadr[0])]) for wheel in self.wheels]
+        self.damping = [float(model.dof_damping[int(wheel.dofadr[0])]) for wheel in self.wheels]
         self.scrubs = float(model.tendon_frictionloss[self.scrub]) if self.scrub is not None else 0.0
 
     def before(self, data, asked, currents, still=None):
@@ -126,7 +127,9 @@ class Forms:
         else:
             level = still + (acts[FORWARD] if turns > 0.0 else acts[BACKWARD])
         self.model.dof_frictionloss[dof] = max(level, 0.0)
-        drive = acts[DRIVE] - acts[FLUID] * turns + self.torque_per_a[k] * acts[CONSTANT] * current
+        # As damping of the joint, which the engine takes implicitly: a lag of a step would feed or brake what swings.
+        self.model.dof_damping[dof] = self.damping[k] + acts[FLUID]
+        drive = acts[DRIVE] + self.torque_per_a[k] * acts[CONSTANT] * current
         # A level below none drives on what turns.
         data.qfrc_applied[dof] = drive - math.copysign(min(level, 0.0), turns)
 

@@ -53,6 +53,10 @@ TOGETHER = {
         ("torque_constant", "heat", 0.0, 0.03, lambda x: -5.0 * x, 1.0),
         ("torque", "heat", 0.0, 0.03, lambda x: -1.0 * x, 0.3),
     ],
+    "grease": [
+        ("viscous_friction", "t", 0.0, 2.0, lambda x: 0.03 * np.exp(-2.0 * x)),
+        ("viscous_friction", "heat", 0.0, 0.03, lambda x: -0.1 * x, 0.3),
+    ],
     "warm driver": [("voltage", "heat", 0.0, 0.03, lambda x: -10.0 * x, 0.5)],
     "constant": [("torque_constant", "i", -0.3, 0.3, lambda x: -0.5 * np.abs(x))],
     "load": [("torque", "load", -0.4, 0.4, lambda x: -0.3 * np.abs(x))],
@@ -147,6 +151,7 @@ IN_RTL = {
     "load": ("torque", "load", -0.4, 0.4, lambda x: -0.3 * np.abs(x)),
     "voltage": ("voltage", "t", 0.0, 2.0, lambda x: -1.0 * x),
     "heat": ("voltage", "heat", 0.0, 0.03, lambda x: -10.0 * x, 0.5),
+    "grease": ("viscous_friction", "t", 0.0, 2.0, lambda x: 0.03 * np.exp(-2.0 * x)),
     "force": ("force", "yaw", 0.0, TURN, lambda x: 3.0 * np.cos(x - 0.5)),
     "turning": ("yaw_torque", "yaw_rate", -4.0, 4.0, lambda x: -0.06 * np.sign(x) - 0.01 * x),
     "sensor": ("current_sensor", "i", -0.3, 0.3, lambda x: 0.2 * x),

@@ -74,6 +74,13 @@ def test_a_torque_over_the_heat_is_friction_in_both_directions():
     assert plant.holds(model.forms[0])
 
 
+def test_viscous_friction_over_the_heat_adds_to_the_friction_by_speed():
+    model = warm(nominal_model(ROBOT), "viscous_friction", lambda x: -2.0 * x, 1.0)
+    acts = about(6.0, 0.01, model)
+    assert acts[plant.FLUID] == pytest.approx(-0.02)
+    assert not np.delete(acts, plant.FLUID).any()
+
+
 def test_a_replay_knows_the_heat_in_steps_of_any_length():
     problem = Problem(make_case(seconds=4.0), 1)
     model = warm(nominal_model(ROBOT), "voltage", lambda x: -20.0 * x, 1.5)
@@ -97,7 +104,7 @@ def test_a_heat_is_sought_only_where_runs_show_it(tmp_path):
     found = time_constants(problem, problem.nominal)
     assert [tau for tau, _ in found] == pytest.approx([10.0, 2.5])
     forms = [form for form in candidates(problem, problem.nominal) if form.over == "heat"]
-    assert {form.term for form in forms} == {"voltage", "torque_constant", "torque"}
+    assert {form.term for form in forms} == {"voltage", "torque_constant", "torque", "viscous_friction"}
     assert all((form.low, form.high) == (0.0, dict(found)[form.tau]) for form in forms)
     short = Problem(make_case(seconds=1.5), 1)
     assert time_constants(short, short.nominal) == []
@@ -197,6 +204,24 @@ def test_a_winding_that_heats_up_is_no_form():
         make_case(lambda model: (model.add("heat_rise", 3.0), model.declare(heat_tau=4.0)), seconds=20.0)
     )
     assert not any(entry["over"] == "heat" for entry in forms.entries)
+
+
+def thinning(seconds: float, size: float = 0.012, fades: float = 5.0) -> np.ndarray:
+    """Viscous friction of a grease that thins from the start of a run on, (POINTS,) N·m·s/rad."""
+    return size * np.exp(-np.linspace(0.0, seconds, plant.POINTS) / fades)
+
+
+def test_grease_that_thins_over_a_run_is_viscous_friction_over_time():
+    def greased(model):
+        put(model, (1,), "viscous_friction", "t", 0.0, 20.0, thinning(20.0))
+
+    forms, before = found_in(make_case(greased, seconds=20.0))
+    entry = forms.entries[0]
+    assert (entry["term"], entry["over"], entry["side"]) == ("viscous_friction", "t", "right")
+    assert entry["units"] == ["s", "N·m·s/rad"]
+    assert entry["formula"] == "a·exp(-x/b)"
+    assert entry["parameters"]["a"]["value"] == pytest.approx(0.012, rel=0.2)
+    assert forms.gap < 1.0 + 0.1 * (before - 1.0)
 
 
 def derated(volts: float, degrees: float) -> float:

@@ -200,6 +200,7 @@ PLANAR = {
     ),
     "history": ((), ROBOT, {}),
     "heat": ((), ROBOT, {}),
+    "grease": ((), ROBOT, {}),
     "servo": ((("pwm_curve", "both", {"curvature": 0.1}), ("battery_decline", "both", {"rate_v_per_s": 0.5})), SERVO,
         {}),
 }  # fmt: skip
@@ -226,6 +227,10 @@ FORMS = {
         ("voltage", "heat", 0.0, 0.02, lambda x: -25.0 * x),
         ("torque_constant", "heat", 0.0, 0.02, lambda x: -10.0 * x),
         ("torque", "heat", 0.0, 0.02, lambda x: -3.0 * x),
+    ),
+    "grease": (
+        ("viscous_friction", "t", 0.0, 1.0, lambda x: 0.01 * np.exp(-3.0 * x)),
+        ("viscous_friction", "heat", 0.0, 0.02, lambda x: -0.1 * x),
     ),
     "servo": (
         ("gyro_sensor", "t", 0.0, 1.0, lambda x: 0.05 * x),

@@ -16,6 +16,7 @@ from rtds_host.plant.schema import OUTPUT_INDEX
 # What each term may run over.
 RUNS_OVER = {
     "torque": ("w", "th", "motor_angle", "i", "load", "t", "heat"),
+    "viscous_friction": ("t", "heat"),
     "voltage": ("v_cmd", "command_history", "i", "th", "t", "heat"),
     "torque_constant": ("i", "heat"),
     "force": ("speed", "x", "y", "yaw"),
@@ -32,6 +33,7 @@ def scale_of(term: str, scales: Scales) -> float:
     """What is large of a term on a machine, in its unit."""
     return {
         "torque": scales.torque,
+        "viscous_friction": scales.torque / scales.speed,
         "voltage": scales.volts,
         "torque_constant": 1.0,
         "force": scales.torque / scales.radius,
@@ -118,7 +120,8 @@ def candidates(problem: Problem, model: Model) -> list[Form]:
             continue
         for over in overs:
             if over == "heat":
-                size = MINOR_SHARE * (scales.torque if term == "torque" else 1.0)
+                # Of a voltage over it a share of the command.
+                size = MINOR_SHARE * (1.0 if term == "voltage" else scale_of(term, scales))
                 found += [Form(term, over, 0.0, high, size, tau) for tau, high in heats]
             if over not in known or (over == "i" and robot.driver.mode == "torque"):
                 continue

@@ -81,6 +81,7 @@ PARAMETER_NAMES = {
 TERM_WORDS = {
     "voltage": "voltage",
     "torque": "torque",
+    "viscous_friction": "viscous friction",
     "yaw_torque": "torque about the vertical",
     "force": "force along the direction of motion",
     "torque_constant": "torque constant",

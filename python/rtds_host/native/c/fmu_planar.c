@@ -21,7 +21,8 @@
 #define POINTS 14
 #define HALF 7
 enum { TERM, OVER, LOW, HIGH, TAU, VALUES, WIDTH = VALUES + POINTS };
-enum { NO_TERM, TORQUE, VOLTAGE, TORQUE_CONSTANT, FORCE, YAW_TORQUE, CURRENT_SENSOR, SPEED_SENSOR, GYRO_SENSOR };
+enum { NO_TERM, TORQUE, VOLTAGE, TORQUE_CONSTANT, FORCE, YAW_TORQUE, CURRENT_SENSOR, SPEED_SENSOR, GYRO_SENSOR,
+       VISCOUS_FRICTION, TERMS };
 enum { OVER_NOTHING, OVER_V, OVER_HISTORY, OVER_I, OVER_W, OVER_LOAD, OVER_RATE, OVER_TH, OVER_MOTOR, OVER_TURNS,
        OVER_SPEED, OVER_T, OVER_X, OVER_Y, OVER_YAW, OVER_HEAT, QUANTITIES };
 /* What a side remembers: its command's last extreme, whether its size grows, the load of its gear, and the heat of each
@@ -146,6 +147,8 @@ static void act(fmu_model *m, int k, const double x[QUANTITIES]) {
       acts[DRIVE] += value;
     } else if (term == VOLTAGE) {
       acts[VOLTS] += over == OVER_HEAT ? value * x[OVER_V] : value;
+    } else if (term == VISCOUS_FRICTION) {
+      acts[FLUID] += value;
     } else if (term == TORQUE_CONSTANT) {
       acts[CONSTANT] += value;
     } else if (term == FORCE) {
@@ -290,7 +293,7 @@ const char *fmu_initialise(fmu_model *m) {
   for (int k = 0; k < 2; k++)
     for (int n = 0; n < MOST; n++) {
       const double *row = m->forms[k][n];
-      if (!(row[TERM] >= 0.0 && row[TERM] <= GYRO_SENSOR && row[OVER] >= 0.0 && row[OVER] < QUANTITIES))
+      if (!(row[TERM] >= 0.0 && row[TERM] < TERMS && row[OVER] >= 0.0 && row[OVER] < QUANTITIES))
         return "form: no such term or quantity";
       if (row[TERM] != 0.0 && row[OVER] < 1.0) return "form: a term needs a quantity";
       if (row[TERM] != 0.0 && row[OVER] == OVER_HEAT && !(row[TAU] > 0.0)) return "form: a heat needs a time constant";
