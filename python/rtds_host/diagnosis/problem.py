@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -387,6 +388,14 @@ class Problem:
             return self._by_start(models, steps)
         runs = self.runs_starting(models[0].start if models else DECLARED)
         return self.replayer.residuals(runs, [rows for _, rows in self.rows], models, steps)
+
+    def outputs(self, model: Model, step_s: float) -> list[np.ndarray]:
+        """Replays of all runs, (n, 11) each, columns as `OUTPUTS`; step_s : the longest step, s."""
+        return self.replayer.outputs(self.runs_starting(model.start), model, step_s)
+
+    def compared(self, model: Model, outs: Sequence[np.ndarray]) -> np.ndarray:
+        """The residual (N,) of replays (n, 11) of a model's runs, whatever was done to them since."""
+        return self.replayer.compared(self.runs_starting(model.start), [rows for _, rows in self.rows], outs)
 
     def _by_start(self, models: list[Model], steps: list[float]) -> list[np.ndarray]:
         """The same of models whose runs begin differently: those that begin alike at a time."""

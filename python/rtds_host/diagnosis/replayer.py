@@ -104,6 +104,24 @@ class Replayer:
             other.result()
         return found
 
+    def outputs(self, runs: Sequence[RunData], model: Model, step_s: float) -> list[np.ndarray]:
+        """Replays of some runs, (n, 11) each, columns as `OUTPUTS`; step_s : the longest step, s."""
+        taken = _taken(model, step_s, runs)
+        self.work += taken
+        spend(taken)
+        batch = self.batch(runs)
+        return np.split(batch.replay_alone(model, 0, len(runs), step_s), batch.rows[1:-1])
+
+    def compared(self, runs: Sequence[RunData], rows: Sequence[slice], outs: Sequence[np.ndarray]) -> np.ndarray:
+        """The residual (N,) of replays that are there, each in its `rows` of the result."""
+        found = np.empty(rows[-1].stop)
+        taken = WHITENED * len(found)
+        self.work += taken
+        spend(taken)
+        for run, mine, out in zip(runs, rows, outs, strict=True):
+            run_residual(run, out, found[mine])
+        return found
+
     def batch(self, data: Sequence[RunData]) -> ReplayBatch:
         """Some runs, all that are searched or all that are judged, for replays in a batch."""
         inputs = [one.inputs for one in data]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,11 +15,12 @@ from rtds_host.diagnosis.fit import Fit, Fitter, joined
 from rtds_host.diagnosis.forms.curves import Form, put, shapes, sides_of, written
 from rtds_host.diagnosis.forms.fits import STEPS, Cause
 from rtds_host.diagnosis.forms.formula import ENOUGH, fitted, laws
-from rtds_host.diagnosis.forms.search import Found, closes, searched, values_of
+from rtds_host.diagnosis.forms.search import Found, closes, curves_of_superseded, searched, values_of
 from rtds_host.diagnosis.left_out import left_out, parted
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import REPORT_STEP_S, Model, replay_run
 from rtds_host.diagnosis.report.words import OVER_WORDS, TERM_WORDS, effect_name
+from rtds_host.diagnosis.thresholds import MINOR_SHARE
 from rtds_host.plant import forms as plant
 
 
@@ -75,13 +76,14 @@ def forms_of(
     if gap >= after or (after >= gaps.LEAST and gap**2 - 1.0 > MAX_RESIDUAL_RATIO * (after**2 - 1.0)):
         return Forms(notes=found.notes)
     notes = [*found.notes, *_superseded_notes(problem, found)]
+    refuted = curves_of_superseded(found)
     if found.superseded:
         # What curves close is a share of what the names that are left leave.
         kept = {cause: u for cause, u in fit.parts.items() if cause not in found.superseded}
         bare = Fitter(problem, fit.start).fit(*joined(kept), fit.z, fit.noise, STEPS)
         found.judged[0] = HeldOutScore.of(problem, bare)
     entries = [
-        _entry(problem, found, form, side, share)
+        _entry(problem, found, form, side, share, refuted.get(form.id, []))
         for (form, side), share in zip(found.forms, closes(found), strict=True)
     ]
     left = [judged.gap for judged in found.judged]
@@ -134,7 +136,8 @@ def reported_gap(problem: Problem, fit: Fit) -> float:
     return gaps.gap(gaps.pooled(squares))
 
 
-def _entry(problem: Problem, found: Found, form: Form, side: str, share: float) -> dict:
+def _entry(problem: Problem, found: Found, form: Form, side: str, share: float, refuted: Sequence[np.ndarray]) -> dict:
+    """A form as a diagnosis has it; share : what it closes; refuted : curves (POINTS,) that are no formula of it."""
     values, covariance = values_of(found.fit, form, side)
     basis, _ = shapes(form.over)
     errors = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", basis, covariance, basis), 0.0))
@@ -155,10 +158,18 @@ def _entry(problem: Problem, found: Found, form: Form, side: str, share: float) 
         formula = fitted(law, form, values, covariance)
         if formula is None or not np.isfinite(formula.curve).all():
             continue
+        if any(alike(formula.curve, curve) for curve in refuted):
+            continue
         gap = problem.gap(_with(problem, found.fit, form, side, formula.curve))
         if without - gap >= ENOUGH * (without - with_curve):
             return {**entry, "formula": law.text, "parameters": formula.entry()}
     return entry
+
+
+def alike(curve: np.ndarray, other: np.ndarray) -> bool:
+    """Whether a curve (n,) is another one times a factor, but for a slight part of its square."""
+    missed = curve - other * (curve @ other) / max(float(other @ other), 1e-300)
+    return float(missed @ missed) <= MINOR_SHARE * float(curve @ curve)
 
 
 def _with(problem: Problem, fit: Fit, form: Form, side: str, values: np.ndarray) -> Model:

@@ -9,7 +9,7 @@ from rtds_host.diagnosis.forms.warmth import time_constants
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import Model
 from rtds_host.diagnosis.scales import Scales, scales_of
-from rtds_host.diagnosis.thresholds import CLEAR_RATIO, FEW_SHARE, MAJORITY, MINOR_SHARE
+from rtds_host.diagnosis.thresholds import CLEAR_RATIO, FEW_SHARE, MINOR_SHARE
 from rtds_host.plant import forms as plant
 from rtds_host.plant.schema import OUTPUT_INDEX
 
@@ -25,8 +25,10 @@ RUNS_OVER = {
     "speed_sensor": ("w",),
     "gyro_sensor": ("yaw_rate", "t"),
 }
-# The channel that a sensor's term needs in the logs.
-NEEDS = {"current_sensor": "i_", "speed_sensor": "w_", "gyro_sensor": "gyro_z"}
+# The channels of which a sensor's term needs one in the logs.
+NEEDS = {"current_sensor": ("i_l", "i_r"), "speed_sensor": ("w_l", "w_r"), "gyro_sensor": ("gyro_z",)}
+# Numerical: from one end of a sensor's curve to the next: a bend between two has points of the farther on both sides.
+NEARER = 4.0
 
 
 def scale_of(term: str, scales: Scales) -> float:
@@ -48,8 +50,7 @@ def ranges(problem: Problem, model: Model) -> dict[str, list[tuple[float, float]
     """Ends of what a model's replays pass through, by quantity; of what is counted from zero alike on both sides.
 
     Of most samples, and of all where a few peaks reach so much farther that a grid over them is another one: what a
-    motor loses at its largest currents shows there only. Of what sensors read also the lower half: what is too small to
-    be read shows there only.
+    motor loses at its largest currents shows there only.
     """
     replayed = problem.replay(model)
     outs = [out[np.abs(out).max(axis=1) < 1e6] for out in replayed]
@@ -60,9 +61,8 @@ def ranges(problem: Problem, model: Model) -> dict[str, list[tuple[float, float]
     def reach(values: np.ndarray) -> list[tuple[float, float]]:
         if not values.size:
             return []
-        half, most, whole = (float(np.quantile(np.abs(values), end)) for end in (MAJORITY, 1.0 - tail, 1.0))
-        ends = [most, *([whole] if whole > CLEAR_RATIO * most else []), *([half] if most > CLEAR_RATIO * half else [])]
-        return [(-end, end) for end in ends]
+        most, whole = (float(np.quantile(np.abs(values), end)) for end in (1.0 - tail, 1.0))
+        return [(-end, end) for end in (most, *([whole] if whole > CLEAR_RATIO * most else []))]
 
     column = {name: out[:, k] for name, k in OUTPUT_INDEX.items()}
     w = out[:, [OUTPUT_INDEX["w_l"] + k for k in sides]]
@@ -91,6 +91,17 @@ def ranges(problem: Problem, model: Model) -> dict[str, list[tuple[float, float]
     return found
 
 
+def _nearer(ends: list[tuple[float, float]], noise: float | None) -> list[tuple[float, float]]:
+    """Ends of a sensor's curve within those of most that it reads, as long as its points are farther apart than its
+    noise, in the unit of what it reads: what is too small to be read shows next to zero only."""
+    found: list[tuple[float, float]] = []
+    high = ends[0][1] / NEARER if ends else 0.0
+    while noise and high > plant.HALF * noise:
+        found.append((-high, high))
+        high /= NEARER
+    return found
+
+
 def _loads(t: np.ndarray, out: np.ndarray, model: Model, sides: list[int]) -> np.ndarray:
     """Torques that the gears of some sides deliver in a replay (n, 11) at times t (n,) s, N·m: what the motor makes,
     less its friction and what accelerates its rotor (contract, section 2)."""
@@ -116,7 +127,7 @@ def candidates(problem: Problem, model: Model) -> list[Form]:
             continue
         if robot.driver.mode == "torque" and term in ("torque_constant", "current_sensor"):
             continue
-        if term in NEEDS and not any(c.startswith(NEEDS[term]) for log in problem.case.runs for c in log.columns):
+        if term in NEEDS and not any(c in log.columns for log in problem.case.runs for c in NEEDS[term]):
             continue
         for over in overs:
             if over == "heat":
@@ -128,11 +139,8 @@ def candidates(problem: Problem, model: Model) -> list[Form]:
             if over == "motor_angle" and robot.motor.gear_ratio == 1.0:
                 continue
             size = MINOR_SHARE * scale_of(term, scales)
-            # Only what reads a quantity may have an edge below most of what it reads.
-            first = known[over][0][1] if known[over] else 0.0
-            found += [
-                Form(term, over, low, high, size)
-                for low, high in known[over]
-                if high > low and (term in NEEDS or high >= first)
-            ]
+            ends = known[over]
+            if term in NEEDS and over != "t":
+                ends = [*ends, *_nearer(ends, robot.noise(NEEDS[term][0]))]
+            found += [Form(term, over, low, high, size) for low, high in ends if high > low]
     return found

@@ -8,11 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from rtds_host.diagnosis.fit import Fit, prior_weight
-from rtds_host.diagnosis.forms.curves import STEP, Form
+from rtds_host.diagnosis.forms.curves import STEP, Form, shapes
 from rtds_host.diagnosis.left_out import parted
 from rtds_host.diagnosis.likelihood import Likelihood
 from rtds_host.diagnosis.problem import Problem
+from rtds_host.diagnosis.replay.model import Model
+from rtds_host.plant.schema import OUTPUT_INDEX
 
+# Channels that sensors with a form read.
+READINGS = {"current_sensor": "i", "speed_sensor": "w", "gyro_sensor": "gyro_z"}
 # Numerical: residuals that are screened at most; of longer cases every so manieth block is.
 ROWS = 60_000
 
@@ -63,14 +67,49 @@ def columns(problem: Problem, fit: Fit, form: Form, side: tuple[int, ...], base:
     return np.stack([(one - base) / STEP for one in found], axis=1).astype(np.float32)
 
 
+def only_read(problem: Problem, form: Form) -> bool:
+    """Whether a form changes what a sensor tells of its own quantity, and no motion: a speed loop hears the speed."""
+    heard = problem.robot.driver.mode == "speed" and form.term == "speed_sensor"
+    return form.term in READINGS and form.over != "t" and not heard
+
+
+def columns_of_reading(
+    problem: Problem, model: Model, outs: Sequence[np.ndarray], form: Form, side: tuple[int, ...], base: np.ndarray
+) -> np.ndarray:
+    """Derivatives (N, n) of the residuals by a form that is only read: from one replay, whose readings are changed.
+
+    outs : replays (n, 11) of the model; base : (N,) their residual.
+    """
+    basis, widths = shapes(form.over)
+    sided = form.effect().sided
+    at = [OUTPUT_INDEX[f"{READINGS[form.term]}_{'lr'[k]}" if sided else READINGS[form.term]] for k in side[: 1 + sided]]
+    found = np.empty((len(base), len(widths)), dtype=np.float32)
+    for n, width in enumerate(widths):
+        moved = [out.copy() for out in outs]
+        for out in moved:
+            for column in at:
+                told = out[:, column]
+                # A jump lies at zero, where a curve is none.
+                shape = np.where(told == 0.0, 0.0, np.interp(told, form.points, basis[:, n]))
+                out[:, column] = told + STEP * form.prior_width * width * shape
+        found[:, n] = (problem.compared(model, moved) - base) / STEP
+    return found
+
+
 def slopes(problem: Problem, fit: Fit, forms: list[Form]) -> list[Slopes]:
     """Derivatives by all forms about a fit."""
     unchanged = fit.model(problem)
     (base,) = problem.residuals([unchanged], [unchanged.coarse_s])
+    outs = problem.outputs(unchanged, unchanged.coarse_s)
+    told = problem.compared(unchanged, outs)
     found = []
     for form in forms:
         each = [(k,) for k in range(len(problem.robot.sides))] if form.effect().sided else [(0, 1)]
-        found.append(Slopes(form, tuple(columns(problem, fit, form, one, base) for one in each)))
+        if only_read(problem, form):
+            parts = [columns_of_reading(problem, unchanged, outs, form, one, told) for one in each]
+        else:
+            parts = [columns(problem, fit, form, one, base) for one in each]
+        found.append(Slopes(form, tuple(parts)))
     return found
 
 

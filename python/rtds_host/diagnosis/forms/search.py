@@ -21,7 +21,17 @@ from rtds_host.diagnosis.forms.backward import eliminated
 from rtds_host.diagnosis.forms.candidates import candidates
 from rtds_host.diagnosis.forms.curves import Form, shapes
 from rtds_host.diagnosis.forms.ends import GAINS, movable, moves_of, with_ends
-from rtds_host.diagnosis.forms.fits import STEPS, Cause, derived, fitted, renewed, roughly, side_by_side_with, without
+from rtds_host.diagnosis.forms.fits import (
+    STEPS,
+    Cause,
+    derived,
+    fitted,
+    refitted_without,
+    renewed,
+    roughly,
+    side_by_side_with,
+    without,
+)
 from rtds_host.diagnosis.forms.formula import ENOUGH
 from rtds_host.diagnosis.forms.screen import FormCandidate, distinct, screened, slopes
 from rtds_host.diagnosis.problem import Problem
@@ -297,7 +307,7 @@ def drop_superseded(problem: Problem, found: Found, lacking: Mapping[Cause, Fit]
         for cause in named:
             if cause not in now.fit.hypothesis:
                 continue
-            less = HeldOutScore.of(problem, without(problem, now.fit, cause))
+            less = HeldOutScore.of(problem, _lacking(problem, found, cause))
             if residual_ratio(now, less) > MAX_RESIDUAL_RATIO and not _approximates(
                 problem, found, cause, less, lacking[cause]
             ):
@@ -306,6 +316,15 @@ def drop_superseded(problem: Problem, found: Found, lacking: Mapping[Cause, Fit]
             break
         found.judged[-1] = min(needless, key=lambda one: one[0])[2]
     found.superseded = [cause for cause in named if cause not in found.fit.hypothesis]
+
+
+def _lacking(problem: Problem, found: Found, cause: Cause) -> Fit:
+    """An explanation without one of its effects. Where the curves can make the larger part of it they change much, and
+    derivatives at the values that they have with the effect do not lead there."""
+    if _made_by_curves(found, cause, 1.0 - MAJORITY) is None:
+        return without(problem, found.fit, cause)
+    (fit,) = refitted_without(problem, found.fit, [cause])
+    return fit
 
 
 def _again(problem: Problem, found: Found, cause: Cause) -> Fit:
@@ -339,6 +358,20 @@ def _made_by_curves(found: Found, cause: Cause, most: float) -> np.ndarray | Non
     way, *_ = np.linalg.lstsq(curves, change, rcond=1e-6)
     missed = np.square(change - curves @ way).sum()
     return way if missed <= most * np.square(change).sum() else None
+
+
+def curves_of_superseded(found: Found) -> dict[str, list[np.ndarray]]:
+    """Curves (POINTS,) that do what superseded effects do, by the id of their form; of size one alone their shape is
+    known. A formula that is one of them would say that the effect had been right."""
+    curves: dict[str, list[np.ndarray]] = {}
+    for cause in found.superseded:
+        way, at = _made_by_curves(found, cause, MINOR_SHARE), 0
+        for form, _ in found.forms:
+            basis, widths = shapes(form.over)
+            if way is not None:
+                curves.setdefault(form.id, []).append(basis @ (way[at : at + len(widths), 0] * widths))
+            at += len(widths)
+    return curves
 
 
 def _named(problem: Problem, now: HeldOutScore, judged: HeldOutScore, candidate: FormCandidate) -> str | None:

@@ -1,0 +1,98 @@
+"""Forms of sensors: where their curves end, their derivatives without a replay, and a name that one of them refutes."""
+
+import numpy as np
+import pytest
+from diagnosis_cases import make_case
+
+from rtds_host.diagnosis.fit import Fitter
+from rtds_host.diagnosis.forms import alike, forms_of
+from rtds_host.diagnosis.forms.candidates import NEARER, NEEDS, candidates
+from rtds_host.diagnosis.forms.curves import Form, points_of, put
+from rtds_host.diagnosis.forms.screen import columns, columns_of_reading, only_read
+from rtds_host.diagnosis.forms.search import searched
+from rtds_host.diagnosis.problem import Problem
+from rtds_host.plant import forms as plant
+
+
+def explained(case):
+    """A case and the fit of its tolerances alone."""
+    problem = Problem(case, 1)
+    return problem, Fitter(problem).fit((), np.empty(0), np.zeros(len(problem.nuisances)), problem.white())
+
+
+def floor(model, side: int, size: float) -> None:
+    """Let the current of a side read nothing below a size, A."""
+    points = points_of("i", -0.7 * size, 0.7 * size)
+    put(
+        model,
+        (side,),
+        "current_sensor",
+        "i",
+        -1.4 * size,
+        1.4 * size,
+        np.where(np.abs(points) < 0.5 * size, -2.0, 0.0) * points,
+    )
+
+
+@pytest.fixture(scope="module")
+def plain():
+    return explained(make_case(seconds=8.0))
+
+
+def test_a_sensors_curves_end_ever_nearer_to_zero_until_their_points_are_as_close_as_its_noise(plain):
+    problem, fit = plain
+    found = candidates(problem, fit.model(problem))
+    for term, channels in NEEDS.items():
+        over = {"current_sensor": "i", "speed_sensor": "w", "gyro_sensor": "yaw_rate"}[term]
+        ends = sorted({form.high for form in found if (form.term, form.over) == (term, over)})
+        assert len(ends) > 1
+        assert ends[0] > plant.HALF * problem.robot.noise(channels[0]) >= ends[0] / NEARER
+    others = [form.high for form in found if form.term == "torque" and form.over == "w"]
+    assert min(others) > 0.5 * max(others)
+
+
+@pytest.mark.parametrize(
+    ("term", "over", "side"),
+    [("speed_sensor", "w", (0,)), ("current_sensor", "i", (0, 1)), ("gyro_sensor", "yaw_rate", (0, 1))],
+)
+def test_what_is_only_read_has_the_derivatives_that_replays_give(plain, term, over, side):
+    problem, fit = plain
+    form = next(form for form in candidates(problem, fit.model(problem)) if (form.term, form.over) == (term, over))
+    assert only_read(problem, form)
+    model = fit.model(problem)
+    (base,) = problem.residuals([model], [model.coarse_s])
+    outs = problem.outputs(model, model.coarse_s)
+    told = problem.compared(model, outs)
+    assert told == pytest.approx(base, abs=1e-6)
+    replayed = columns(problem, fit, form, side, base)
+    direct = columns_of_reading(problem, model, outs, form, side, told)
+    # They differ where a standing wheel reads nothing but rounding, of either sign.
+    moves = np.abs(replayed - direct).max(axis=1) < 1e-3 * np.abs(replayed).max()
+    assert moves.mean() > 0.9
+    assert np.abs(direct[moves]).max() > 0.0
+
+
+def test_a_speed_that_the_loop_follows_and_a_drift_are_replayed(plain):
+    problem, _ = plain
+    assert not only_read(problem, Form("gyro_sensor", "t", 0.0, 8.0, 0.1))
+    assert not only_read(problem, Form("torque", "w", -8.0, 8.0, 0.1))
+
+
+def test_a_current_that_reads_nothing_below_a_size_is_no_gain():
+    """Least squares make a gain of it, which is one shape of the curve. Left out, the curve has to change much."""
+    problem, bare = explained(make_case(lambda model: floor(model, 0, 0.1), seconds=10.0))
+    cause = ("current_gain", "left")
+    start = np.array([problem.effects[cause[0]].parameters[0].scaled(0.6)])
+    named = Fitter(problem).fit((cause,), start, bare.z, bare.noise)
+    found = searched(problem, named, True, {cause: bare})
+    assert [(form.term, side) for form, side in found.forms] == [("current_sensor", "left")]
+    assert found.superseded == [cause]
+    forms = forms_of(problem, named, problem.gap(named.model(problem)), True, {cause: bare})
+    assert forms.entries[0]["formula"] != "a·x"
+
+
+def test_curves_are_alike_whatever_their_size():
+    curve = np.linspace(1.0, 2.0, plant.POINTS)
+    assert alike(curve, -3.0 * curve)
+    assert not alike(curve, curve[::-1])
+    assert not alike(curve, np.zeros(plant.POINTS))
