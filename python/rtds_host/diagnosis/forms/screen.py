@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rtds_host.diagnosis.fit import Fit, prior_weight
+from rtds_host.diagnosis.forms.candidates import NEEDS
 from rtds_host.diagnosis.forms.curves import STEP, Form, shapes
 from rtds_host.diagnosis.left_out import parted
 from rtds_host.diagnosis.likelihood import Likelihood
@@ -15,8 +16,6 @@ from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import Model
 from rtds_host.plant.schema import OUTPUT_INDEX
 
-# Channels that sensors with a form read.
-READINGS = {"current_sensor": "i", "speed_sensor": "w", "gyro_sensor": "gyro_z"}
 # Numerical: residuals that are screened at most; of longer cases every so manieth block is.
 ROWS = 60_000
 
@@ -70,7 +69,7 @@ def columns(problem: Problem, fit: Fit, form: Form, side: tuple[int, ...], base:
 def only_read(problem: Problem, form: Form) -> bool:
     """Whether a form changes what a sensor tells of its own quantity, and no motion: a speed loop hears the speed."""
     heard = problem.robot.driver.mode == "speed" and form.term == "speed_sensor"
-    return form.term in READINGS and form.over != "t" and not heard
+    return form.term in NEEDS and form.over != "t" and not heard
 
 
 def columns_of_reading(
@@ -81,8 +80,8 @@ def columns_of_reading(
     outs : replays (n, 11) of the model; base : (N,) their residual.
     """
     basis, widths = shapes(form.over)
-    sided = form.effect().sided
-    at = [OUTPUT_INDEX[f"{READINGS[form.term]}_{'lr'[k]}" if sided else READINGS[form.term]] for k in side[: 1 + sided]]
+    channels = NEEDS[form.term]
+    at = [OUTPUT_INDEX[channels[k]] for k in side if k < len(channels)]
     found = np.empty((len(base), len(widths)), dtype=np.float32)
     for n, width in enumerate(widths):
         moved = [out.copy() for out in outs]
