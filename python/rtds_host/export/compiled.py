@@ -38,9 +38,7 @@ def motor_parts(source: Source) -> list[Part]:
             inside = part.form not in elsewhere
         else:
             inside = places_of(CATALOGUE[part.effect], source.robot) == {"rtl"}
-        where = (
-            "parameters and tables of the motor units" if inside else "acts in the body or the sensors, not in a motor"
-        )
+        where = "parameters and tables of the motor units" if inside else "no parameter or table of the motor units"
         found.append(replace(part, kind=OWN if inside else LEFT_OUT, where=where))
     return found
 

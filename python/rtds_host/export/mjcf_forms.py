@@ -7,8 +7,8 @@
     forms.readings(found, data.time)            # adds to what sensors report, by channel
 
 The curves are those of the file: custom/numeric form_left_1 and so on, each a term, what it runs over, the ends of its
-grid, the time constant of a heat, and its values. Torques are `qfrc_applied`, dry friction is that of the wheels'
-joints and of the tendon `scrub`.
+grid, the time constant of a heat, and its values. Torques are `qfrc_applied`, dry friction and damping are those of the
+wheels' joints, and dry friction is that of the tendon `scrub`, too.
 """
 
 import math
@@ -51,7 +51,7 @@ POINTS, WIDTH = 14, VALUES + 14
 
 
 class Forms:
-    """The curves of one simulation. It changes the model's dry friction: each simulation needs a model of its own."""
+    """The curves of one simulation. It changes dry friction and damping of the model: each simulation needs its own."""
 
     FRICTION_DOF = 1  # mjCNSTR_FRICTION_DOF
 

@@ -234,7 +234,7 @@ def test_no_form_where_the_reported_gap_does_not_meet_the_criterion(monkeypatch,
 def test_no_form_where_an_effect_of_the_catalogue_makes_it_as_well():
     forms, _, _ = found_in(lambda model: model.add("coulomb", 0.05))
     assert forms.entries == []
-    assert any("coulomb_friction" in note for note in forms.notes)
+    assert any("Coulomb friction" in note for note in forms.notes)
 
 
 def named_with(law) -> tuple[Problem, Fit]:

@@ -1,9 +1,13 @@
 """Forms of sensors: where their curves end, their derivatives without a replay, and a name that one of them refutes."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from diagnosis_cases import make_case
 
+from rtds_host.contract import Case
 from rtds_host.diagnosis.fit import Fitter
 from rtds_host.diagnosis.forms import alike, forms_of
 from rtds_host.diagnosis.forms.candidates import NEARER, NEEDS, candidates
@@ -58,7 +62,7 @@ def test_a_sensors_curves_end_ever_nearer_to_zero_until_their_points_are_as_clos
 def test_what_is_only_read_has_the_derivatives_that_replays_give(plain, term, over, side):
     problem, fit = plain
     form = next(form for form in candidates(problem, fit.model(problem)) if (form.term, form.over) == (term, over))
-    assert only_read(problem, form)
+    assert only_read(problem, fit, form)
     model = fit.model(problem)
     (base,) = problem.residuals([model], [model.coarse_s])
     outs = problem.outputs(model, model.coarse_s)
@@ -72,10 +76,29 @@ def test_what_is_only_read_has_the_derivatives_that_replays_give(plain, term, ov
     assert np.abs(direct[moves]).max() > 0.0
 
 
-def test_a_speed_that_the_loop_follows_and_a_drift_are_replayed(plain):
-    problem, _ = plain
-    assert not only_read(problem, Form("gyro_sensor", "t", 0.0, 8.0, 0.1))
-    assert not only_read(problem, Form("torque", "w", -8.0, 8.0, 0.1))
+def test_a_drift_a_torque_and_a_second_form_of_a_sensor_are_replayed(plain):
+    problem, fit = plain
+    assert not only_read(problem, fit, Form("gyro_sensor", "t", 0.0, 8.0, 0.1))
+    assert not only_read(problem, fit, Form("torque", "w", -8.0, 8.0, 0.1))
+    drifts = replace(fit, hypothesis=(("form:gyro_sensor:t", "both"),))
+    assert not only_read(problem, drifts, Form("gyro_sensor", "yaw_rate", -2.0, 2.0, 0.1))
+    assert only_read(problem, drifts, Form("speed_sensor", "w", -8.0, 8.0, 0.1))
+
+
+@pytest.mark.parametrize("mode", ["speed", "voltage"])
+def test_a_speed_loop_follows_what_its_sensor_tells(plain, mode):
+    problem, fit = plain
+    machine = SimpleNamespace(robot=SimpleNamespace(driver=SimpleNamespace(mode=mode)))
+    assert only_read(machine, fit, Form("speed_sensor", "w", -8.0, 8.0, 0.1)) == (mode == "voltage")
+
+
+def test_the_noise_of_the_channel_that_is_there_says_how_near_a_curve_ends():
+    case = make_case(seconds=4.0)
+    runs = tuple(replace(run, columns={k: v for k, v in run.columns.items() if k != "i_l"}) for run in case.runs)
+    robot = replace(case.robot, rounded_noise={"i_r": 0.02})
+    problem, fit = explained(Case("one side", robot, runs))
+    ends = [form.high for form in candidates(problem, fit.model(problem)) if form.term == "current_sensor"]
+    assert min(ends) > plant.HALF * problem.robot.noise("i_r") >= min(ends) / NEARER
 
 
 def test_a_current_that_reads_nothing_below_a_size_is_no_gain():

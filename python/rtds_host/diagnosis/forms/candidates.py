@@ -91,12 +91,12 @@ def ranges(problem: Problem, model: Model) -> dict[str, list[tuple[float, float]
     return found
 
 
-def _nearer(ends: list[tuple[float, float]], noise: float | None) -> list[tuple[float, float]]:
+def _nearer(ends: list[tuple[float, float]], noise: float) -> list[tuple[float, float]]:
     """Ends of a sensor's curve within those of most that it reads, as long as its points are farther apart than its
     noise, in the unit of what it reads: what is too small to be read shows next to zero only."""
     found: list[tuple[float, float]] = []
     high = ends[0][1] / NEARER if ends else 0.0
-    while noise and high > plant.HALF * noise:
+    while high > plant.HALF * noise:
         found.append((-high, high))
         high /= NEARER
     return found
@@ -141,6 +141,8 @@ def candidates(problem: Problem, model: Model) -> list[Form]:
             size = MINOR_SHARE * scale_of(term, scales)
             ends = known[over]
             if term in NEEDS and over != "t":
-                ends = [*ends, *_nearer(ends, robot.noise(NEEDS[term][0]))]
+                told = {c for log in problem.case.runs for c in NEEDS[term] if c in log.columns}
+                noises = [noise for noise in map(robot.noise, told) if noise]
+                ends = [*ends, *(_nearer(ends, min(noises)) if noises else [])]
             found += [Form(term, over, low, high, size) for low, high in ends if high > low]
     return found

@@ -66,10 +66,12 @@ def columns(problem: Problem, fit: Fit, form: Form, side: tuple[int, ...], base:
     return np.stack([(one - base) / STEP for one in found], axis=1).astype(np.float32)
 
 
-def only_read(problem: Problem, form: Form) -> bool:
-    """Whether a form changes what a sensor tells of its own quantity, and no motion: a speed loop hears the speed."""
-    heard = problem.robot.driver.mode == "speed" and form.term == "speed_sensor"
-    return form.term in NEEDS and form.over != "t" and not heard
+def only_read(problem: Problem, fit: Fit, form: Form) -> bool:
+    """Whether a form changes what a sensor tells of its own quantity, and no motion. A speed loop follows the speed
+    that is told. Next to another form of the sensor what it tells is no longer what both run over."""
+    followed = problem.robot.driver.mode == "speed" and form.term == "speed_sensor"
+    another = any(cause.startswith(f"form:{form.term}:") for cause, _ in fit.hypothesis)
+    return form.term in NEEDS and form.over != "t" and not followed and not another
 
 
 def columns_of_reading(
@@ -99,13 +101,13 @@ def slopes(problem: Problem, fit: Fit, forms: list[Form]) -> list[Slopes]:
     """Derivatives by all forms about a fit."""
     unchanged = fit.model(problem)
     (base,) = problem.residuals([unchanged], [unchanged.coarse_s])
-    outs = problem.outputs(unchanged, unchanged.coarse_s)
-    told = problem.compared(unchanged, outs)
+    told = [form for form in forms if only_read(problem, fit, form)]
+    outs = problem.outputs(unchanged, unchanged.coarse_s) if told else []
     found = []
     for form in forms:
         each = [(k,) for k in range(len(problem.robot.sides))] if form.effect().sided else [(0, 1)]
-        if only_read(problem, form):
-            parts = [columns_of_reading(problem, unchanged, outs, form, one, told) for one in each]
+        if form in told:
+            parts = [columns_of_reading(problem, unchanged, outs, form, one, base) for one in each]
         else:
             parts = [columns(problem, fit, form, one, base) for one in each]
         found.append(Slopes(form, tuple(parts)))

@@ -35,7 +35,7 @@ from rtds_host.diagnosis.forms.fits import (
 from rtds_host.diagnosis.forms.formula import ENOUGH
 from rtds_host.diagnosis.forms.screen import FormCandidate, distinct, screened, slopes
 from rtds_host.diagnosis.problem import Problem
-from rtds_host.diagnosis.report.words import OVER_WORDS, TERM_WORDS
+from rtds_host.diagnosis.report.words import OVER_WORDS, TERM_WORDS, listed_name
 from rtds_host.diagnosis.thresholds import MAJORITY, MINOR_SHARE
 from rtds_host.plant import forms as plant
 
@@ -193,7 +193,9 @@ def _next(
     name = _named(problem, now, best, candidate)
     if name is not None:
         # Another equation's curve would then stand in for an effect that has a name.
-        found.notes.append(f"{candidate.form.term} over {candidate.form.over}: {name} makes it as well, and is no form")
+        curve = f"{TERM_WORDS[candidate.form.term]} over {OVER_WORDS[candidate.form.over]}"
+        effect = listed_name({"id": name, "side": candidate.side})
+        found.notes.append(f"{effect} explains as much as a free curve of {curve}: no form is needed")
         return None
     found.rivals[candidate.form.id] = rivals(ended, candidate.form, now, best)
     known[candidate.form.id] = candidate.form.effect()
@@ -361,16 +363,17 @@ def _made_by_curves(found: Found, cause: Cause, most: float) -> np.ndarray | Non
 
 
 def curves_of_superseded(found: Found) -> dict[str, list[np.ndarray]]:
-    """Curves (POINTS,) that do what superseded effects do, by the id of their form; of size one alone their shape is
-    known. A formula that is one of them would say that the effect had been right."""
+    """The shapes (POINTS,) that superseded effects are of a single form, by its id. A formula of such a shape would say
+    that the effect had been right."""
     curves: dict[str, list[np.ndarray]] = {}
     for cause in found.superseded:
-        way, at = _made_by_curves(found, cause, MINOR_SHARE), 0
-        for form, _ in found.forms:
-            basis, widths = shapes(form.over)
-            if way is not None:
-                curves.setdefault(form.id, []).append(basis @ (way[at : at + len(widths), 0] * widths))
-            at += len(widths)
+        for form, side in found.forms:
+            alone = replace(found, forms=[(form, side)])
+            way = _made_by_curves(alone, cause, MINOR_SHARE)
+            # Several parameters of an effect are no single shape.
+            if way is not None and way.shape[1] == 1:
+                basis, widths = shapes(form.over)
+                curves.setdefault(form.id, []).append(basis @ (way[:, 0] * widths))
     return curves
 
 

@@ -32,13 +32,18 @@ BINS = 32
 LOOK = {
     "voltage": "Measure the voltage at the motor's terminals at several values of it.",
     "torque": "Turn the wheel in the air at several values of it and watch the current.",
-    "viscous_friction": "Turn the wheel in the air at several speeds, cold and warm, and watch the current.",
+    "viscous_friction": "Turn the wheel in the air at several speeds and watch the current.",
     "torque_constant": "Hold the wheel and measure its torque at several currents.",
     "yaw_torque": "Turn the robot on the spot and on a curve and watch the currents.",
     "force": "Pull the robot along with a spring balance at several values of it.",
     "gyro_sensor": "Turn the robot by hand through whole turns and compare the integral of the yaw rate.",
     "current_sensor": "Put an ammeter in series with the motor at several values of it.",
     "speed_sensor": "Count the wheel's turns by hand over a minute at several values of it.",
+}
+# What changes with time or heat has to be looked at twice.
+AGAIN = {
+    "heat": "Do so cold, and again right after a loaded run.",
+    "t": "Do so at the start of a run, and again at its end.",
 }
 
 
@@ -166,6 +171,7 @@ def _drawing(form: dict[str, Any], details: Details, name: str) -> str:
 
 
 def _by_hand(form: dict[str, Any]) -> str:
+    again = AGAIN.get(form["over"], "")
     # Their checks by hand show what is behind the form, too.
     alike = [name for name, effect in CATALOGUE.items() if (form["term"], form["over"]) in effect.resembles]
     if alike:
@@ -173,9 +179,8 @@ def _by_hand(form: dict[str, Any]) -> str:
             f"<li>{escape(listed_name({'id': name, 'side': form['side']}))}: {escape(CATALOGUE[name].check)}</li>"
             for name in alike
         )
-        return f"<p>Look by hand for what resembles it:</p><ul>{checks}</ul>"
-    warm = " Do so cold, and again right after a loaded run." if form["over"] == "heat" else ""
-    return f"<p>{escape(LOOK[form['term']] + warm)}</p>" if form["term"] in LOOK else ""
+        return f"<p>Look by hand for what resembles it:</p><ul>{checks}</ul>" + (f"<p>{again}</p>" if again else "")
+    return f"<p>{escape(LOOK[form['term']])} {again}</p>" if form["term"] in LOOK else ""
 
 
 def _one(form: dict[str, Any], details: Details, k: int) -> str:

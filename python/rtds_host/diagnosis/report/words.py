@@ -122,6 +122,8 @@ AXIS_WORDS = {
 VALUE_WORDS = {
     ("voltage", "heat"): "voltage, as a share of the command",
     ("torque", "heat"): "torque, along the motion",
+    ("viscous_friction", "t"): "viscous friction, added to the robot's own",
+    ("viscous_friction", "heat"): "viscous friction, added to the robot's own",
 }
 # How sure one may be, from this probability on.
 SURENESS = ((0.99, "as good as certain"), (0.9, "very likely"), (0.7, "likely"), (0.0, "more likely than not"))
