@@ -40,7 +40,7 @@ FORM_CONSTANTS = (
         "_FIRST_TURN",
         "_LAST_TURN",
     ),
-    *("_TORQUE", "_VOLTAGE", "_CONSTANT", "_FORCE", "_YAW", "_GYRO", "_VISCOUS"),
+    *("_TORQUE", "_VOLTAGE", "_CONSTANT", "_FORCE", "_YAW", "_GYRO", "_DAMPING"),
     *("_V", "_HISTORY", "_I", "_W", "_LOAD", "_RATE", "_HEADING", "_TIME", "_HEAT"),
     *("EXTREME", "DIRECTION", "GEAR_LOAD", "HEATS", "PAST", "TURNS_BY", "LOAD_S"),
     *("DRIVE", "FORWARD", "BACKWARD", "FLUID"),

@@ -26,7 +26,7 @@ WIDTH = VALUES + POINTS
 # Rows are arrays or lists: exports have the same functions in plain Python (`rtds_host.export.python`).
 # Terms, from 1 (0: no form), with their units. Torques are at the wheel and drive forwards; `voltage` is at the nominal
 # bus behind the driver; `torque_constant` is relative, and the back-EMF changes by the same share; sensors add to what
-# is reported; `viscous_friction` adds to the coefficient that the wheel's speed is multiplied with, against the motion.
+# is reported; `damping` adds to the coefficient that the wheel's speed is multiplied with, against the motion.
 TERMS = {
     "torque": "N·m",
     "voltage": "V",
@@ -36,7 +36,7 @@ TERMS = {
     "current_sensor": "A",
     "speed_sensor": "rad/s",
     "gyro_sensor": "rad/s",
-    "viscous_friction": "N·m·s/rad",
+    "damping": "N·m·s/rad",
 }
 # What a form can run over, from 1, with its unit. `motor_angle` is the wheel's angle times the gear ratio.
 # `command_history` is the command's size, negative once it has fallen back from its last extreme; the term then acts
@@ -76,7 +76,7 @@ _TORQUE, _VOLTAGE, _CONSTANT, _FORCE, _YAW = (
 _V, _HISTORY, _I, _W, _LOAD, _RATE, _HEADING, _TIME, _HEAT = (
     OVER_CODE[name] for name in ("v_cmd", "command_history", "i", "w", "load", "yaw_rate", "yaw", "t", "heat")
 )
-_GYRO, _VISCOUS = TERM_CODE["gyro_sensor"], TERM_CODE["viscous_friction"]
+_GYRO, _DAMPING = TERM_CODE["gyro_sensor"], TERM_CODE["damping"]
 # What the forms of a side come to in a step: torque that drives; levels of dry friction against turning forwards and
 # backwards; friction by speed, N·m·s/rad; voltage; relative torque constant; force; torque about the vertical; and its
 # part against the yaw rate that can hold the robot.
@@ -204,7 +204,7 @@ def act(rows, quantities, past, acts):
             acts[DRIVE] += value
         elif term == _VOLTAGE:
             acts[VOLTS] += value * quantities[_V - 1] if over == _HEAT else value
-        elif term == _VISCOUS:
+        elif term == _DAMPING:
             acts[FLUID] += value
         elif term == _CONSTANT:
             acts[CONSTANT] += value

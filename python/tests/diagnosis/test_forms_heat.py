@@ -75,7 +75,7 @@ def test_a_torque_over_the_heat_is_friction_in_both_directions():
 
 
 def test_viscous_friction_over_the_heat_adds_to_the_friction_by_speed():
-    model = warm(nominal_model(ROBOT), "viscous_friction", lambda x: -2.0 * x, 1.0)
+    model = warm(nominal_model(ROBOT), "damping", lambda x: -2.0 * x, 1.0)
     acts = about(6.0, 0.01, model)
     assert acts[plant.FLUID] == pytest.approx(-0.02)
     assert not np.delete(acts, plant.FLUID).any()
@@ -104,7 +104,7 @@ def test_a_heat_is_sought_only_where_runs_show_it(tmp_path):
     found = time_constants(problem, problem.nominal)
     assert [tau for tau, _ in found] == pytest.approx([10.0, 2.5])
     forms = [form for form in candidates(problem, problem.nominal) if form.over == "heat"]
-    assert {form.term for form in forms} == {"voltage", "torque_constant", "torque", "viscous_friction"}
+    assert {form.term for form in forms} == {"voltage", "torque_constant", "torque", "damping"}
     assert all((form.low, form.high) == (0.0, dict(found)[form.tau]) for form in forms)
     short = Problem(make_case(seconds=1.5), 1)
     assert time_constants(short, short.nominal) == []
@@ -213,11 +213,11 @@ def thinning(seconds: float, size: float = 0.012, fades: float = 5.0) -> np.ndar
 
 def test_grease_that_thins_over_a_run_is_viscous_friction_over_time():
     def greased(model):
-        put(model, (1,), "viscous_friction", "t", 0.0, 20.0, thinning(20.0))
+        put(model, (1,), "damping", "t", 0.0, 20.0, thinning(20.0))
 
     forms, before = found_in(make_case(greased, seconds=20.0))
     entry = forms.entries[0]
-    assert (entry["term"], entry["over"], entry["side"]) == ("viscous_friction", "t", "right")
+    assert (entry["term"], entry["over"], entry["side"]) == ("damping", "t", "right")
     assert entry["units"] == ["s", "N·m·s/rad"]
     assert entry["formula"] == "a·exp(-x/b)"
     assert entry["parameters"]["a"]["value"] == pytest.approx(0.012, rel=0.2)

@@ -229,8 +229,8 @@ FORMS = {
         ("torque", "heat", 0.0, 0.02, lambda x: -3.0 * x),
     ),
     "grease": (
-        ("viscous_friction", "t", 0.0, 1.0, lambda x: 0.01 * np.exp(-3.0 * x)),
-        ("viscous_friction", "heat", 0.0, 0.02, lambda x: -0.1 * x),
+        ("damping", "t", 0.0, 1.0, lambda x: 0.01 * np.exp(-3.0 * x)),
+        ("damping", "heat", 0.0, 0.02, lambda x: -0.1 * x),
     ),
     "servo": (
         ("gyro_sensor", "t", 0.0, 1.0, lambda x: 0.05 * x),

@@ -48,8 +48,8 @@ SETS = {
         ("torque", "heat", 0.0, 0.02, lambda x: -3.0 * x, 0.8),
     ],
     "grease": [
-        ("viscous_friction", "t", 0.0, 5.0, lambda x: 0.1 * np.exp(-x / 1.5)),
-        ("viscous_friction", "heat", 0.0, 0.02, lambda x: -0.1 * x, 0.8),
+        ("damping", "t", 0.0, 5.0, lambda x: 0.1 * np.exp(-x / 1.5)),
+        ("damping", "heat", 0.0, 0.02, lambda x: -0.1 * x, 0.8),
     ],
     "heading": [
         ("force", "yaw", 0.0, TURN, lambda x: 2.0 * np.cos(x - 0.5)),

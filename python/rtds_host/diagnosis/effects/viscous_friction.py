@@ -44,5 +44,5 @@ EFFECT = Effect(
     exports=row(
         own("joint damping"), own("dynamics damping"), own("dynamics/damping"), own("viscousFrictionCoefficient")
     ),
-    resembles=(("torque", "w"), ("viscous_friction", "t")),
+    resembles=(("torque", "w"), ("damping", "t")),
 )

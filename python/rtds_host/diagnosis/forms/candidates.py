@@ -16,7 +16,7 @@ from rtds_host.plant.schema import OUTPUT_INDEX
 # What each term may run over.
 RUNS_OVER = {
     "torque": ("w", "th", "motor_angle", "i", "load", "t", "heat"),
-    "viscous_friction": ("t", "heat"),
+    "damping": ("t", "heat"),
     "voltage": ("v_cmd", "command_history", "i", "th", "t", "heat"),
     "torque_constant": ("i", "heat"),
     "force": ("speed", "x", "y", "yaw"),
@@ -35,7 +35,7 @@ def scale_of(term: str, scales: Scales) -> float:
     """What is large of a term on a machine, in its unit."""
     return {
         "torque": scales.torque,
-        "viscous_friction": scales.torque / scales.speed,
+        "damping": scales.torque / scales.speed,
         "voltage": scales.volts,
         "torque_constant": 1.0,
         "force": scales.torque / scales.radius,

@@ -28,7 +28,7 @@ STEP, BOUND = 0.1, 200.0
 # Where a term is, for who reads about it.
 SUBSYSTEM = {
     "torque": "drivetrain",
-    "viscous_friction": "drivetrain",
+    "damping": "drivetrain",
     "voltage": "driver",
     "torque_constant": "winding",
     "force": "wheel_ground",

@@ -32,7 +32,7 @@ BINS = 32
 LOOK = {
     "voltage": "Measure the voltage at the motor's terminals at several values of it.",
     "torque": "Turn the wheel in the air at several values of it and watch the current.",
-    "viscous_friction": "Turn the wheel in the air at several speeds and watch the current.",
+    "damping": "Turn the wheel in the air at several speeds and watch the current.",
     "torque_constant": "Hold the wheel and measure its torque at several currents.",
     "yaw_torque": "Turn the robot on the spot and on a curve and watch the currents.",
     "force": "Pull the robot along with a spring balance at several values of it.",

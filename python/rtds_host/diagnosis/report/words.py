@@ -81,7 +81,7 @@ PARAMETER_NAMES = {
 TERM_WORDS = {
     "voltage": "voltage",
     "torque": "torque",
-    "viscous_friction": "viscous friction",
+    "damping": "viscous friction",
     "yaw_torque": "torque about the vertical",
     "force": "force along the direction of motion",
     "torque_constant": "torque constant",
@@ -122,8 +122,8 @@ AXIS_WORDS = {
 VALUE_WORDS = {
     ("voltage", "heat"): "voltage, as a share of the command",
     ("torque", "heat"): "torque, along the motion",
-    ("viscous_friction", "t"): "viscous friction, added to the robot's own",
-    ("viscous_friction", "heat"): "viscous friction, added to the robot's own",
+    ("damping", "t"): "viscous friction, added to the robot's own",
+    ("damping", "heat"): "viscous friction, added to the robot's own",
 }
 # How sure one may be, from this probability on.
 SURENESS = ((0.99, "as good as certain"), (0.9, "very likely"), (0.7, "likely"), (0.0, "more likely than not"))

@@ -22,7 +22,7 @@
 #define HALF 7
 enum { TERM, OVER, LOW, HIGH, TAU, VALUES, WIDTH = VALUES + POINTS };
 enum { NO_TERM, TORQUE, VOLTAGE, TORQUE_CONSTANT, FORCE, YAW_TORQUE, CURRENT_SENSOR, SPEED_SENSOR, GYRO_SENSOR,
-       VISCOUS_FRICTION, TERMS };
+       DAMPING, TERMS };
 enum { OVER_NOTHING, OVER_V, OVER_HISTORY, OVER_I, OVER_W, OVER_LOAD, OVER_RATE, OVER_TH, OVER_MOTOR, OVER_TURNS,
        OVER_SPEED, OVER_T, OVER_X, OVER_Y, OVER_YAW, OVER_HEAT, QUANTITIES };
 /* What a side remembers: its command's last extreme, whether its size grows, the load of its gear, and the heat of each
@@ -147,7 +147,7 @@ static void act(fmu_model *m, int k, const double x[QUANTITIES]) {
       acts[DRIVE] += value;
     } else if (term == VOLTAGE) {
       acts[VOLTS] += over == OVER_HEAT ? value * x[OVER_V] : value;
-    } else if (term == VISCOUS_FRICTION) {
+    } else if (term == DAMPING) {
       acts[FLUID] += value;
     } else if (term == TORQUE_CONSTANT) {
       acts[CONSTANT] += value;
