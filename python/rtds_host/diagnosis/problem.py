@@ -369,9 +369,9 @@ class Problem:
         each = [dict(start.command_delays).get(data.log.name, 0.0) for data in self.runs]
         return float(np.std(each, ddof=1)) / math.sqrt(len(each))
 
-    def replay(self, model: Model) -> list[np.ndarray]:
-        """Replays of all runs, each (n, 11), from the model's start."""
-        return [replay_run(model, data.inputs) for data in self.runs_starting(model.start)]
+    def replay(self, model: Model, step_s: float | None = None) -> list[np.ndarray]:
+        """Replays of all runs, each (n, 11), from the model's start; step_s : longest step, s, by default as needed."""
+        return [replay_run(model, data.inputs, step_s) for data in self.runs_starting(model.start)]
 
     def residual(self, model: Model) -> np.ndarray:
         """Whitened residuals of all runs, (N,)."""
@@ -389,13 +389,9 @@ class Problem:
         runs = self.runs_starting(models[0].start if models else DECLARED)
         return self.replayer.residuals(runs, [rows for _, rows in self.rows], models, steps)
 
-    def outputs(self, model: Model, step_s: float) -> list[np.ndarray]:
-        """Replays of all runs, (n, 11) each, columns as `OUTPUTS`; step_s : the longest step, s."""
-        return self.replayer.outputs(self.runs_starting(model.start), model, step_s)
-
-    def compared(self, model: Model, outs: Sequence[np.ndarray]) -> np.ndarray:
-        """The residual (N,) of replays (n, 11) of a model's runs, whatever was done to them since."""
-        return self.replayer.compared(self.runs_starting(model.start), [rows for _, rows in self.rows], outs)
+    def residual_of(self, model: Model, outs: Sequence[np.ndarray]) -> np.ndarray:
+        """The residual (N,) of replays (n, 11) as `replay` gives them, with readings that were changed since."""
+        return self.replayer.residual_of(self.runs_starting(model.start), [rows for _, rows in self.rows], outs)
 
     def _by_start(self, models: list[Model], steps: list[float]) -> list[np.ndarray]:
         """The same of models whose runs begin differently: those that begin alike at a time."""

@@ -104,16 +104,8 @@ class Replayer:
             other.result()
         return found
 
-    def outputs(self, runs: Sequence[RunData], model: Model, step_s: float) -> list[np.ndarray]:
-        """Replays of some runs, (n, 11) each, columns as `OUTPUTS`; step_s : the longest step, s."""
-        taken = _taken(model, step_s, runs)
-        self.work += taken
-        spend(taken)
-        batch = self.batch(runs)
-        return np.split(batch.replay_alone(model, 0, len(runs), step_s), batch.rows[1:-1])
-
-    def compared(self, runs: Sequence[RunData], rows: Sequence[slice], outs: Sequence[np.ndarray]) -> np.ndarray:
-        """The residual (N,) of replays that are there, each in its `rows` of the result."""
+    def residual_of(self, runs: Sequence[RunData], rows: Sequence[slice], outs: Sequence[np.ndarray]) -> np.ndarray:
+        """The residual (N,) of given replays (n, 11) of some runs, each in its `rows` of the result."""
         found = np.empty(rows[-1].stop)
         taken = WHITENED * len(found)
         self.work += taken

@@ -65,11 +65,11 @@ def test_what_is_only_read_has_the_derivatives_that_replays_give(plain, term, ov
     assert only_read(problem, fit, form)
     model = fit.model(problem)
     (base,) = problem.residuals([model], [model.coarse_s])
-    outs = problem.outputs(model, model.coarse_s)
-    told = problem.compared(model, outs)
-    assert told == pytest.approx(base, abs=1e-6)
+    outs = problem.replay(model, model.coarse_s)
+    again = problem.residual_of(model, outs)
+    assert again == pytest.approx(base, abs=1e-6)
     replayed = columns(problem, fit, form, side, base)
-    direct = columns_of_reading(problem, model, outs, form, side, told)
+    direct = columns_of_reading(problem, model, outs, form, side, again)
     # They differ where a standing wheel reads nothing but rounding, of either sign.
     moves = np.abs(replayed - direct).max(axis=1) < 1e-3 * np.abs(replayed).max()
     assert moves.mean() > 0.9

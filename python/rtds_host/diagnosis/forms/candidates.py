@@ -27,7 +27,7 @@ RUNS_OVER = {
 }
 # The channels of which a sensor's term needs one in the logs.
 NEEDS = {"current_sensor": ("i_l", "i_r"), "speed_sensor": ("w_l", "w_r"), "gyro_sensor": ("gyro_z",)}
-# Numerical: from one end of a sensor's curve to the next: a bend between two has points of the farther on both sides.
+# Numerical: ratio of one end of a sensor's curve to the next.
 NEARER = 4.0
 
 
@@ -91,6 +91,11 @@ def ranges(problem: Problem, model: Model) -> dict[str, list[tuple[float, float]
     return found
 
 
+def of_own_reading(term: str, over: str) -> bool:
+    """Whether a sensor's term runs over what the sensor reads."""
+    return term in NEEDS and over != "t"
+
+
 def _nearer(ends: list[tuple[float, float]], noise: float) -> list[tuple[float, float]]:
     """Ends of a sensor's curve within those of most that it reads, as long as its points are farther apart than its
     noise, in the unit of what it reads: what is too small to be read shows next to zero only."""
@@ -131,7 +136,7 @@ def candidates(problem: Problem, model: Model) -> list[Form]:
             continue
         for over in overs:
             if over == "heat":
-                # Of a voltage over it a share of the command.
+                # A voltage over the heat is a share of the command.
                 size = MINOR_SHARE * (1.0 if term == "voltage" else scale_of(term, scales))
                 found += [Form(term, over, 0.0, high, size, tau) for tau, high in heats]
             if over not in known or (over == "i" and robot.driver.mode == "torque"):
@@ -140,9 +145,9 @@ def candidates(problem: Problem, model: Model) -> list[Form]:
                 continue
             size = MINOR_SHARE * scale_of(term, scales)
             ends = known[over]
-            if term in NEEDS and over != "t":
-                told = {c for log in problem.case.runs for c in NEEDS[term] if c in log.columns}
-                noises = [noise for noise in map(robot.noise, told) if noise]
+            if of_own_reading(term, over):
+                logged = {c for log in problem.case.runs for c in NEEDS[term] if c in log.columns}
+                noises = [noise for noise in map(robot.noise, logged) if noise]
                 ends = [*ends, *(_nearer(ends, min(noises)) if noises else [])]
             found += [Form(term, over, low, high, size) for low, high in ends if high > low]
     return found

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rtds_host.diagnosis.fit import Fit, prior_weight
-from rtds_host.diagnosis.forms.candidates import NEEDS
+from rtds_host.diagnosis.forms.candidates import NEEDS, of_own_reading
 from rtds_host.diagnosis.forms.curves import STEP, Form, shapes
 from rtds_host.diagnosis.left_out import parted
 from rtds_host.diagnosis.likelihood import Likelihood
@@ -67,17 +67,19 @@ def columns(problem: Problem, fit: Fit, form: Form, side: tuple[int, ...], base:
 
 
 def only_read(problem: Problem, fit: Fit, form: Form) -> bool:
-    """Whether a form changes what a sensor tells of its own quantity, and no motion. A speed loop follows the speed
-    that is told. Next to another form of the sensor what it tells is no longer what both run over."""
+    """Whether a form changes a sensor's reading alone, by a curve over that reading.
+
+    A speed loop acts on the speed that it reads. Two forms of a sensor both run over its reading without either.
+    """
     followed = problem.robot.driver.mode == "speed" and form.term == "speed_sensor"
     another = any(cause.startswith(f"form:{form.term}:") for cause, _ in fit.hypothesis)
-    return form.term in NEEDS and form.over != "t" and not followed and not another
+    return of_own_reading(form.term, form.over) and not followed and not another
 
 
 def columns_of_reading(
     problem: Problem, model: Model, outs: Sequence[np.ndarray], form: Form, side: tuple[int, ...], base: np.ndarray
 ) -> np.ndarray:
-    """Derivatives (N, n) of the residuals by a form that is only read: from one replay, whose readings are changed.
+    """Derivatives (N, n) of the residuals by a form that `only_read` accepts: one replay with other readings.
 
     outs : replays (n, 11) of the model; base : (N,) their residual.
     """
@@ -89,11 +91,11 @@ def columns_of_reading(
         moved = [out.copy() for out in outs]
         for out in moved:
             for column in at:
-                told = out[:, column]
-                # A jump lies at zero, where a curve is none.
-                shape = np.where(told == 0.0, 0.0, np.interp(told, form.points, basis[:, n]))
-                out[:, column] = told + STEP * form.prior_width * width * shape
-        found[:, n] = (problem.compared(model, moved) - base) / STEP
+                reading = out[:, column]
+                # A curve jumps at zero, and is zero there.
+                shape = np.where(reading == 0.0, 0.0, np.interp(reading, form.points, basis[:, n]))
+                out[:, column] = reading + STEP * form.prior_width * width * shape
+        found[:, n] = (problem.residual_of(model, moved) - base) / STEP
     return found
 
 
@@ -101,12 +103,12 @@ def slopes(problem: Problem, fit: Fit, forms: list[Form]) -> list[Slopes]:
     """Derivatives by all forms about a fit."""
     unchanged = fit.model(problem)
     (base,) = problem.residuals([unchanged], [unchanged.coarse_s])
-    told = [form for form in forms if only_read(problem, fit, form)]
-    outs = problem.outputs(unchanged, unchanged.coarse_s) if told else []
+    read = [form for form in forms if only_read(problem, fit, form)]
+    outs = problem.replay(unchanged, unchanged.coarse_s) if read else []
     found = []
     for form in forms:
         each = [(k,) for k in range(len(problem.robot.sides))] if form.effect().sided else [(0, 1)]
-        if form in told:
+        if form in read:
             parts = [columns_of_reading(problem, unchanged, outs, form, one, base) for one in each]
         else:
             parts = [columns(problem, fit, form, one, base) for one in each]

@@ -321,8 +321,8 @@ def drop_superseded(problem: Problem, found: Found, lacking: Mapping[Cause, Fit]
 
 
 def _lacking(problem: Problem, found: Found, cause: Cause) -> Fit:
-    """An explanation without one of its effects. Where the curves can make the larger part of it they change much, and
-    derivatives at the values that they have with the effect do not lead there."""
+    """An explanation without one of its effects. Where the curves can replace the larger part of the effect they change
+    much without it, too much for the derivatives at their present values."""
     if _made_by_curves(found, cause, 1.0 - MAJORITY) is None:
         return without(problem, found.fit, cause)
     (fit,) = refitted_without(problem, found.fit, [cause])
@@ -363,8 +363,8 @@ def _made_by_curves(found: Found, cause: Cause, most: float) -> np.ndarray | Non
 
 
 def curves_of_superseded(found: Found) -> dict[str, list[np.ndarray]]:
-    """The shapes (POINTS,) that superseded effects are of a single form, by its id. A formula of such a shape would say
-    that the effect had been right."""
+    """Curves (POINTS,) of single forms that do what superseded effects do, by the form's id. A formula of such a shape
+    would say that the effect had been right."""
     curves: dict[str, list[np.ndarray]] = {}
     for cause in found.superseded:
         for form, side in found.forms:
