@@ -461,7 +461,8 @@ def _conditions(rng: np.random.Generator, spec: dict) -> None:
 def _measured(rng: np.random.Generator, robot, spec: dict) -> bool:
     """Fit the nearest machine and choose the sensors' noise by what it leaves; False where a case is not of this tier.
 
-    Writes `spec["left"]`: gaps on the case's runs and on the held-out ones, and without each effect and form.
+    Writes `spec["left"]`: gaps on the case's runs and on the held-out ones, without each effect and form, and by what
+    of each form is beyond all numbers of the nearest machine.
     """
     truth, fresh = (Truth(rng, robot, spec, spec[which]) for which in ("runs", "held_out"))
     plain = planar.build_machine(robot, {**spec, "effects": [], "forms": []}, rng)
@@ -474,13 +475,13 @@ def _measured(rng: np.random.Generator, robot, spec: dict) -> bool:
     left_out = {effect["id"]: without(model, truth.errors, fit, effect["id"]) for effect in spec["effects"]}
     if min(left_out.values()) < (1.0 + MATTERS) * fit.left:
         return False
-    own = {}
+    own, beyond = {}, {}
     for form in spec["forms"]:
+        less = planar.build_machine(robot, {**spec, "forms": [one for one in spec["forms"] if one is not form]}, rng)
+        change = truth.errors(less)
+        beyond[form["id"]] = fit.apart(change)
         if any(knob.cause == form["id"] for knob in model.knobs):
-            less = planar.build_machine(
-                robot, {**spec, "forms": [one for one in spec["forms"] if one is not form]}, rng
-            )
-            own[form["id"]] = own_change(model, fit, truth.errors(less), form["id"])
+            own[form["id"]] = own_change(model, fit, change, form["id"])
             left_out[form["id"]] = without(model, truth.errors, fit, form["id"])
     spec["robot"] = with_noise(spec["robot"], factor)
 
@@ -495,6 +496,7 @@ def _measured(rng: np.random.Generator, robot, spec: dict) -> bool:
         "gap": gaps(truth, fit.left),
         "held_out_gap": gaps(fresh, float(np.sum(fresh.errors(model.machine(fit.at)) ** 2))),
         "without": {name: gap(square) for name, square in left_out.items()},
+        "beyond": {name: gap(square) for name, square in beyond.items()},
         "asked": [
             name
             for name, square in left_out.items()
@@ -509,7 +511,8 @@ def account(spec: dict) -> dict:
 
     `gap_without` is what the best fit leaves without an effect, or without a form's nearest effects, the others fitted
     again. `forms` are there in another form than a catalogue's: `names` are the effects that say so, and `matters`
-    whether leaving them out doubles what is left, and the form itself changes as much.
+    whether leaving them out doubles what is left, and the form itself changes as much. `gap_beyond_names` is the gap by
+    what the form changes and the nearest machine does not, its nearest effects included.
     """
     left = spec["left"]
     forms = [
@@ -517,6 +520,7 @@ def account(spec: dict) -> dict:
             **form,
             "names": list(ALIKE[form["id"]]),
             "gap_without": left["without"].get(form["id"]),
+            "gap_beyond_names": left["beyond"][form["id"]],
             "matters": form["id"] in left["asked"],
         }
         for form in spec["forms"]

@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
+from rtds_host.blind import formed
 from rtds_host.blind.cases import KINDS, TIERS, WORLDS
 from rtds_host.blind.gap import channel_gaps, total
 from rtds_host.blind.planar import noises, nominal_machine, replay_gap
@@ -346,6 +347,7 @@ FIGURES = (
     ("unknown_right", "unknown recognised"),
     ("wrongly_unknown", "wrongly unknown"),
     ("rest_right", "place of the unmodelled part right"),
+    ("false_form", "a form where everything has a name"),
 )
 # Shares over effects and runs of all cases of a group.
 POOLED = (
@@ -353,6 +355,7 @@ POOLED = (
     ("named", "named effects that are there, or in such a set"),
     ("coverage90", "90 % intervals of sizes that hold the truth"),
     ("fresh_held", "90 % intervals of the closure that hold a fresh run's"),
+    ("formed", f"unmodelled functions of a state with a form that closes {formed.CLOSES:g} or more of them"),
 )
 
 
@@ -384,6 +387,7 @@ def summarise(records: list[dict]) -> dict:
         "named": [e[-1] for r in records for e in r["named"]],
         "coverage90": [p["covered"] for p in parameters if p["covered"] is not None],
         "fresh_held": [held for r in records for held in fresh_held(r)],
+        "formed": [right for r in records for *_, right in r.get("formed", ())],
     }
     reach = [
         r["closure"]["closed"] / r["closable"]
@@ -630,19 +634,21 @@ def score(
     program = program_state()
 
     def one(case: str) -> dict:
-        record = {"case": case, **judge(truths[case], answers.get(case), by_case[case]), "closure": None}
+        truth, answer, diagnosis = truths[case], answers.get(case), said / case / "diagnosis.json"
+        record = {"case": case, **judge(truth, answer, by_case[case]), "closure": None}
+
+        def closed(diagnosis: Path) -> dict:
+            held_out = out / "sealed" / case / "held-out"
+            return closure(out / "public" / case, held_out, diagnosis, command, truth.get("noise"))
+
         if case in answers and with_closure:
             record["closure"] = _closure_kept(
                 folder / "cases" / f"{case}.json",
                 [by_case[case]["sha256"], program],
-                lambda: closure(
-                    out / "public" / case,
-                    out / "sealed" / case / "held-out",
-                    said / case / "diagnosis.json",
-                    command,
-                    truths[case].get("noise"),
-                ),
+                lambda: {**closed(diagnosis), "effects_alone": formed.effects_alone(diagnosis, closed)},
             )
+        record["formed"] = formed.judged(truth, answer, record["closure"])
+        record["false_form"] = formed.false_form(truth, answer)
         return record
 
     records = []

@@ -58,6 +58,20 @@ def test_every_effect_of_a_hard_case_outweighs_what_no_name_closes(spec):
             assert form["names"] and form["gap_without"] ** 2 - 1 > 1.9 * known
 
 
+def test_names_make_up_for_a_part_of_what_a_form_changes_and_never_for_more(spec):
+    robot = machines.robot_of(spec["robot"])
+    truth = hard.Truth(np.random.default_rng(0), robot, spec, spec["runs"])
+    beyond, changed = {}, {}
+    for form in hard.account(spec)["forms"]:
+        less = {**spec, "forms": [other for other in spec["forms"] if other["id"] != form["id"]]}
+        change = truth.errors(planar.build_machine(robot, less, np.random.default_rng(0)))
+        changed[form["id"]], beyond[form["id"]] = float(change @ change), form["gap_beyond_names"] ** 2 - 1.0
+    assert set(beyond) == {form["id"] for form in spec["forms"]}
+    for name, part in beyond.items():
+        assert -1e-3 <= part <= 1.001 * changed[name] + 1e-3, name
+    assert 0.0 < beyond["power_drag"] < 0.5 * changed["power_drag"]  # viscous and dry friction are most of it
+
+
 def test_constants_are_off_by_what_the_file_declares(spec):
     robot = machines.robot_of(spec["robot"])
     sigma = robot.tolerance_of("resistance_ohm")
