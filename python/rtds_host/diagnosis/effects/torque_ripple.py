@@ -32,7 +32,8 @@ EFFECT = Effect(
             "cycles_per_rev",
             "1",
             null=0,
-            low=0.2,
+            # All that drives a wheel through a reduction turns faster than it; a tenth is room for an estimate.
+            low=0.9,
             high=3000,
             prior_width=40,
             starts=(1.0,),
