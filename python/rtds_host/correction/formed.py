@@ -257,5 +257,5 @@ def angle_of(over: str, gear: float) -> float:
 def period_table(row: np.ndarray, gear: float) -> Curve:
     """One period of a form over an angle as a unit's table: N·m at the shaft over rad."""
     x = 2.0 * math.pi * np.arange(forms.POINTS + 1) / forms.POINTS
-    values = np.append(row[forms.VALUES :], row[forms.VALUES]) / gear
+    values = np.append(row[forms.VALUES : forms.VALUES + forms.POINTS], row[forms.VALUES]) / gear
     return Curve(tuple(x), tuple(values))

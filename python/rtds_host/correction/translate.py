@@ -19,7 +19,7 @@ from rtds_host.contract import Robot
 from rtds_host.correction import formed
 from rtds_host.correction.correction import BodyValues, Correction, GearValues, SensorValues
 from rtds_host.diagnosis.effects import Effect
-from rtds_host.diagnosis.forms.curves import named, points_of
+from rtds_host.diagnosis.forms.curves import named, points_of, values_in
 from rtds_host.diagnosis.replay.model import Model, nominal_model
 from rtds_host.errors import InputError
 from rtds_host.motor.effects import Curve, MotorParameters, SupplyEffects, UnitEffects
@@ -245,7 +245,7 @@ def _placed(unit: UnitEffects, rows: np.ndarray, robot: Robot, start: float) -> 
 
 def _held(unit: UnitEffects, row: np.ndarray, over: str, robot: Robot, start: float) -> UnitEffects | None:
     """The unit with a form of `IN_UNITS` in its table, None where that is taken or cannot hold it."""
-    high, values, n, supply = float(row[forms.HIGH]), row[forms.VALUES :], robot.motor.gear_ratio, robot.supply_v
+    high, values, n, supply = float(row[forms.HIGH]), values_in(row), robot.motor.gear_ratio, robot.supply_v
     if over == "w":
         speeds = n * np.linspace(0.0, high, forms.HALF)
         ahead = Curve(tuple(speeds), tuple(-values[forms.HALF :] / n))
@@ -272,7 +272,7 @@ def _held(unit: UnitEffects, row: np.ndarray, over: str, robot: Robot, start: fl
 
 
 def _with_drop(unit: UnitEffects, high: float, values: np.ndarray, ohm: float) -> UnitEffects | None:
-    """The unit with a voltage over the current, (POINTS,) V up to `high` A, in its table of drops; None where voltage
+    """The unit with a voltage over the current, (points,) V up to `high` A, in its table of drops; None where voltage
     over winding and drop does not grow with the current, which that table is looked up by."""
     half = np.linspace(0.0, high, forms.HALF)
     x = np.concatenate([-half[::-1], half])

@@ -46,7 +46,7 @@ from rtds_host.plant.forms import (
 I_READ = TERM_CODE["current_sensor"], OVER_CODE["i"]
 W_READ = TERM_CODE["speed_sensor"], OVER_CODE["w"]
 OVER_LOAD = OVER_CODE["load"]
-POINTS, WIDTH = 14, VALUES + 14
+WIDTH = VALUES + 98
 # laws: end
 
 
@@ -58,7 +58,7 @@ class Forms:
     def __init__(self, model):
         numbers = {model.numeric(k).name: [float(v) for v in model.numeric(k).data] for k in range(model.nnumeric)}
         self.model, self.any = model, any(name.startswith("form_") for name in numbers)
-        nothing = [0.0] * (VALUES + POINTS)
+        nothing = [0.0] * WIDTH
         self.rows = [
             [numbers.get(f"form_{side}_{n + 1}", nothing) for n in range(MOST_FORMS)] for side in ("left", "right")
         ]

@@ -1,8 +1,8 @@
 """Forms: terms of the equations that have no name, as curves over a quantity of the replay.
 
 A form is one row of `WIDTH` numbers: which term it adds to, over which quantity, the ends of its grid, the time
-constant of a heat, and its values at `POINTS` points. A robot has up to `MOST_FORMS` of them a side. Three grids serve
-(`BRANCHES`, `PERIODIC`, even). Between the points a curve is straight, beyond its ends it holds its last value. A
+constant of a heat, and its values at the points of a grid. A robot has up to `MOST_FORMS` of them a side. Three grids
+serve (`BRANCHES`, `PERIODIC`, even). Between the points a curve is straight, beyond its ends it holds its last value. A
 piecewise linear curve is a spline of degree one: C. de Boor, "A Practical Guide to Splines", 2001, chapter 3.
 """
 
@@ -14,14 +14,15 @@ import numpy as np
 
 from rtds_host.plant.compiled import loop
 
-# Numerical: points of a curve, of one of its two branches, and forms a side.
+# Numerical: points of a curve, of one of two branches, and forms a side. Branches have more: what a formula says of a
+# jump lies between two of them.
 POINTS = 14
-HALF = POINTS // 2
+HALF = 49
 MOST_FORMS = 3
 # Columns of a form's row: its term, what it runs over, the ends of its grid, the time constant of its heat, s, and its
 # values from there on.
 TERM, OVER, LOW, HIGH, TAU, VALUES = range(6)
-WIDTH = VALUES + POINTS
+WIDTH = VALUES + 2 * HALF
 
 # Rows are arrays or lists: exports have the same functions in plain Python (`rtds_host.export.python`).
 # Terms, from 1 (0: no form), with their units. Torques are at the wheel and drive forwards; `voltage` is at the nominal

@@ -11,7 +11,7 @@ from rtds_host.contract import Case
 from rtds_host.diagnosis.fit import Fitter
 from rtds_host.diagnosis.forms import alike, forms_of
 from rtds_host.diagnosis.forms.candidates import NEARER, NEEDS, candidates
-from rtds_host.diagnosis.forms.curves import Form, points_of, put
+from rtds_host.diagnosis.forms.curves import KNOTS, Form, points_of, put
 from rtds_host.diagnosis.forms.screen import columns, columns_of_reading, only_read
 from rtds_host.diagnosis.forms.search import searched
 from rtds_host.diagnosis.problem import Problem
@@ -50,7 +50,7 @@ def test_a_sensors_curves_end_ever_nearer_to_zero_until_their_points_are_as_clos
         over = {"current_sensor": "i", "speed_sensor": "w", "gyro_sensor": "yaw_rate"}[term]
         ends = sorted({form.high for form in found if (form.term, form.over) == (term, over)})
         assert len(ends) > 1
-        assert ends[0] > plant.HALF * problem.robot.noise(channels[0]) >= ends[0] / NEARER
+        assert ends[0] > KNOTS * problem.robot.noise(channels[0]) >= ends[0] / NEARER
     others = [form.high for form in found if form.term == "torque" and form.over == "w"]
     assert min(others) > 0.5 * max(others)
 
@@ -98,7 +98,7 @@ def test_the_noise_of_the_channel_that_is_there_says_how_near_a_curve_ends():
     robot = replace(case.robot, rounded_noise={"i_r": 0.02})
     problem, fit = explained(Case("one side", robot, runs))
     ends = [form.high for form in candidates(problem, fit.model(problem)) if form.term == "current_sensor"]
-    assert min(ends) > plant.HALF * problem.robot.noise("i_r") >= min(ends) / NEARER
+    assert min(ends) > KNOTS * problem.robot.noise("i_r") >= min(ends) / NEARER
 
 
 def test_a_current_that_reads_nothing_below_a_size_is_no_gain():

@@ -14,7 +14,7 @@ from rtds_host.diagnosis.effects import CATALOGUE, SIDES
 from rtds_host.diagnosis.fit import Fit, Fitter, joined
 from rtds_host.diagnosis.forms.curves import Form, put, shapes, sides_of, written
 from rtds_host.diagnosis.forms.fits import STEPS, Cause
-from rtds_host.diagnosis.forms.formula import ENOUGH, fitted, laws
+from rtds_host.diagnosis.forms.formula import ENOUGH, fitted, laws, sharpened
 from rtds_host.diagnosis.forms.search import Found, closes, curves_of_superseded, searched, values_of
 from rtds_host.diagnosis.left_out import left_out, parted
 from rtds_host.diagnosis.problem import Problem
@@ -137,7 +137,7 @@ def reported_gap(problem: Problem, fit: Fit) -> float:
 
 
 def _entry(problem: Problem, found: Found, form: Form, side: str, share: float, refuted: Sequence[np.ndarray]) -> dict:
-    """A form as a diagnosis has it; share : what it closes; refuted : curves (POINTS,) that are no formula of it."""
+    """A form as a diagnosis has it; share : what it closes; refuted : curves (points,) that are no formula of it."""
     values, covariance = values_of(found.fit, form, side)
     basis, _ = shapes(form.over)
     errors = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", basis, covariance, basis), 0.0))
@@ -152,16 +152,23 @@ def _entry(problem: Problem, found: Found, form: Form, side: str, share: float, 
         "parameters": {},
         "closes": float(f"{share:.4g}"),
     }
-    with_curve = problem.gap(_with(problem, found.fit, form, side, values))
-    without = problem.gap(_with(problem, found.fit, form, side, np.zeros(plant.POINTS)))
+
+    def left(one: Form, curve: np.ndarray) -> float:
+        return problem.gap(_with(problem, found.fit, one, side, curve))
+
+    with_curve, without = left(form, values), left(form, np.zeros(len(form.points)))
     for law in laws(form.over):
         formula = fitted(law, form, values, covariance)
         if formula is None or not np.isfinite(formula.curve).all():
             continue
         if any(alike(formula.curve, curve) for curve in refuted):
             continue
-        gap = problem.gap(_with(problem, found.fit, form, side, formula.curve))
-        if without - gap >= ENOUGH * (without - with_curve):
+        if without - left(form, formula.curve) >= ENOUGH * (without - with_curve):
+            sharp, near = sharpened(formula, form, left)
+            if left(near, sharp.curve) ** 2 - 1.0 <= MAX_RESIDUAL_RATIO * (with_curve**2 - 1.0):
+                # A free curve cannot hold the jump.
+                blurred = np.interp(near.points, form.points, errors)
+                formula, entry["curve"] = sharp, written(near, sharp.curve, blurred)
             return {**entry, "formula": law.text, "parameters": formula.entry()}
     return entry
 

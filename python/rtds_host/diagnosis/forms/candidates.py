@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rtds_host.diagnosis.forms.curves import BODY, Form
+from rtds_host.diagnosis.forms.curves import BODY, KNOTS, Form
 from rtds_host.diagnosis.forms.warmth import time_constants
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import Model
@@ -101,7 +101,7 @@ def _nearer(ends: list[tuple[float, float]], noise: float) -> list[tuple[float, 
     noise, in the unit of what it reads: what is too small to be read shows next to zero only."""
     found: list[tuple[float, float]] = []
     high = ends[0][1] / NEARER if ends else 0.0
-    while high > plant.HALF * noise:
+    while high > KNOTS * noise:
         found.append((-high, high))
         high /= NEARER
     return found

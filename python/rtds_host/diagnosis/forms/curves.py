@@ -19,10 +19,15 @@ from rtds_host.diagnosis.effects import SIDES, Effect, Parameter
 from rtds_host.diagnosis.replay.model import Model
 from rtds_host.plant import forms as plant
 
-# Numerical: shapes of a curve: of an even grid, odd and even ones of two branches, pairs of a turn, and over a heat.
-EVEN, ODD_SHAPES, EVEN_SHAPES, TURNS, WARM_SHAPES = 9, plant.HALF, 4, 5, 4
+# Numerical: points of a branch between which a free curve is straight. Its grid is finer, for formulas.
+# Shapes of a curve: of an even grid, odd and even ones of two branches, pairs of a turn, and over a heat.
+KNOTS = 7
+SPACING = (plant.HALF - 1) // (KNOTS - 1)
+EVEN, ODD_SHAPES, EVEN_SHAPES, TURNS, WARM_SHAPES = 9, KNOTS, 4, 5, 4
 # Numerical: where a curve with a jump is written next to zero, in shares of its range.
 BESIDE_ZERO = 1e-4
+# Numerical: what the seven digits of a file leave of a share.
+ROUNDING = 1e-6
 # Numerical: a derivative's step, and bounds, in spreads of a coefficient.
 STEP, BOUND = 0.1, 200.0
 # Where a term is, for who reads about it.
@@ -57,11 +62,17 @@ def _rising(s: np.ndarray, count: int) -> np.ndarray:
     return np.column_stack([np.ones(len(s)), q * np.sign(np.diag(r)) * math.sqrt(len(s))])
 
 
+def _finer(half: np.ndarray) -> np.ndarray:
+    """Shapes (KNOTS, n) of a branch on its grid, (HALF, n)."""
+    at, knots = np.linspace(0.0, 1.0, plant.HALF), np.linspace(0.0, 1.0, KNOTS)
+    return np.column_stack([np.interp(at, knots, shape) for shape in half.T])
+
+
 def shapes(over: str) -> tuple[np.ndarray, np.ndarray]:
-    """Shapes of a curve over a quantity, (POINTS, n), and each one's prior width over that of the first, (n,)."""
+    """Shapes of a curve over a quantity, (points, n), and each one's prior width over that of the first, (n,)."""
     if over == "load":
         # What a gear loses by its load is none without one, and much alike whichever way it is loaded.
-        half = _rising(np.linspace(0.0, 1.0, plant.HALF), ODD_SHAPES)[:, 1:]
+        half = _finer(_rising(np.linspace(0.0, 1.0, KNOTS), ODD_SHAPES))[:, 1:]
         even, odd = half, half[:, : EVEN_SHAPES - 1]
         basis = np.hstack([np.vstack([even[::-1], even]), np.vstack([-odd[::-1], odd])])
         return basis, np.concatenate([1.0 / (1.0 + np.arange(even.shape[1])), 1.0 / (2.0 + np.arange(odd.shape[1]))])
@@ -70,7 +81,7 @@ def shapes(over: str) -> tuple[np.ndarray, np.ndarray]:
         basis = _rising(np.linspace(0.0, 1.0, plant.POINTS), 1 + WARM_SHAPES)[:, 1:]
         return basis, 1.0 / (1.0 + np.arange(WARM_SHAPES))
     if over in plant.BRANCHES:
-        half = _rising(np.linspace(0.0, 1.0, plant.HALF), max(ODD_SHAPES, EVEN_SHAPES))
+        half = _finer(_rising(np.linspace(0.0, 1.0, KNOTS), max(ODD_SHAPES, EVEN_SHAPES)))
         odd, even = half[:, :ODD_SHAPES], half[:, :EVEN_SHAPES]
         basis = np.hstack([np.vstack([-odd[::-1], odd]), np.vstack([even[::-1], even])])
         # Directions are nearly alike in frictions, bridges and sensors: an even shape counts as one rougher.
@@ -107,7 +118,7 @@ class Form:
 
     @property
     def points(self) -> np.ndarray:
-        """Where its values lie, (POINTS,), ascending; next to zero on both sides where it has two branches."""
+        """Where its values lie, (points,), ascending; next to zero on both sides where it has two branches."""
         return points_of(self.over, self.low, self.high)
 
     def effect(self) -> Effect:
@@ -148,7 +159,7 @@ class Form:
 
 
 def points_of(over: str, low: float, high: float) -> np.ndarray:
-    """Points of a grid over a quantity, (POINTS,), see `Form.points`; a turn's end is its beginning."""
+    """Points of a grid over a quantity, (points,), see `Form.points`; a turn's end is its beginning."""
     if over in plant.BRANCHES:
         half = np.linspace(0.0, high, plant.HALF)
         half[0] = BESIDE_ZERO * high
@@ -168,7 +179,7 @@ def put(
     values: np.ndarray,
     tau: float = 0.0,
 ) -> None:
-    """Put a form's values (POINTS,) into the first free rows of a model; tau : s, of the heat that it runs over.
+    """Put a form's values (points,) into the first free rows of a model; tau : s, of the heat that it runs over.
 
     Raises
     ------
@@ -180,27 +191,57 @@ def put(
             raise ValueError(f"a robot has at most {plant.MOST_FORMS} forms a side")
         row = model.forms[side, free[0]]
         row[: plant.VALUES] = plant.TERM_CODE[term], plant.OVER_CODE[over], low, high, tau
-        row[plant.VALUES :] = values
+        row[plant.VALUES :] = 0.0
+        row[plant.VALUES : plant.VALUES + len(values)] = values
+
+
+def told_by(over: str, values: np.ndarray) -> np.ndarray:
+    """Which points (points,) tell a curve: of one that is straight between its knots these alone."""
+    if over in plant.BRANCHES:
+        at = np.arange(plant.HALF)
+        half = at[::SPACING]
+        straight = [np.interp(at, half, branch[half]) for branch in (values[: plant.HALF], values[plant.HALF :])]
+        if np.allclose(np.concatenate(straight), values, rtol=0.0, atol=ROUNDING * float(np.abs(values).max())):
+            return np.concatenate([half, plant.HALF + half])
+    return np.arange(len(values))
 
 
 def written(form: Form, values: np.ndarray, errors: np.ndarray) -> list[list[float]]:
     """The points [over, value, standard error] of a file; of a turn with its end."""
-    x, y, e = form.points, values, errors
+    told = told_by(form.over, values)
+    x, y, e = form.points[told], values[told], errors[told]
     if form.over in plant.PERIODIC:
         x, y, e = np.append(x, form.high), np.append(y, y[0]), np.append(e, e[0])
     return [[float(f"{v:.7g}") for v in point] for point in zip(x, y, e, strict=True)]
 
 
 def read(curve: np.ndarray, over: str) -> tuple[float, float, np.ndarray]:
-    """Ends of the grid and values (POINTS,) of a curve's points (n, 2 or 3) in a file, whoever wrote it."""
+    """Ends of the grid and values (points,) of a curve's points (n, 2 or 3) in a file, whoever wrote it."""
     x, y = curve[:, 0], curve[:, 1]
     if over in plant.BRANCHES:
         high = float(max(-x[0], x[-1]))
-        return -high, high, np.interp(points_of(over, -high, high), x, y)
+        back, ahead = (_branch_through(sign * x[::sign], y[::sign], high) for sign in (-1, 1))
+        return -high, high, np.concatenate([back[::-1], ahead])
     low, high = float(x[0]), float(x[-1])
     if over in plant.PERIODIC:
         return low, low + plant.FULL_TURN, np.interp(points_of(over, low, low + plant.FULL_TURN), x, y)
     return low, high, np.interp(points_of(over, low, high), x, y)
+
+
+def _branch_through(x: np.ndarray, y: np.ndarray, high: float) -> np.ndarray:
+    """Values (HALF,) of the branch above zero of a curve through points, x ascending."""
+    size, value = x[x > 0.0], y[x > 0.0]
+    if len(size) and size[0] <= (1.0 + ROUNDING) * BESIDE_ZERO * high:
+        size[0] = 0.0  # the branch's own value there, which the other's need not be
+    else:
+        size, value = np.append(0.0, size), np.append(np.interp(0.0, x, y), value)
+    return np.interp(np.linspace(0.0, high, plant.HALF), size, value)
+
+
+def values_in(row: np.ndarray) -> np.ndarray:
+    """The values (points,) of a model's row (WIDTH,)."""
+    branches = int(row[plant.OVER]) in [plant.OVER_CODE[over] for over in plant.BRANCHES]
+    return row[plant.VALUES : plant.VALUES + (2 * plant.HALF if branches else plant.POINTS)]
 
 
 def named(row: np.ndarray) -> tuple[str, str] | None:

@@ -42,7 +42,7 @@ def movable(form: Form) -> bool:
 
 
 def moved(problem: Problem, candidate: FormCandidate, values: np.ndarray, factor: float) -> FormCandidate:
-    """A form with other ends, and the coefficients that make the curve there that its values (POINTS,) make."""
+    """A form with other ends, and the coefficients that make the curve there that its values (points,) make."""
     form = replace(candidate.form, low=factor * candidate.form.low, high=factor * candidate.form.high)
     model = nominal_model(problem.robot)
     put(model, (0,), form.term, form.over, candidate.form.low, candidate.form.high, values)
@@ -108,6 +108,6 @@ def with_ends(
 
 
 def _values(fit: Fit, candidate: FormCandidate) -> np.ndarray:
-    """A form's values (POINTS,) in a fit, in the term's unit."""
+    """A form's values (points,) in a fit, in the term's unit."""
     basis, widths = shapes(candidate.form.over)
     return basis @ (fit.parts[candidate.form.id, candidate.side] * candidate.form.prior_width * widths)

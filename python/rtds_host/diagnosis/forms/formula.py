@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rtds_host.diagnosis.forms.curves import Form, shapes
+from rtds_host.diagnosis.forms.curves import SPACING, Form, shapes
 from rtds_host.diagnosis.thresholds import MINOR_SHARE, Z90
 from rtds_host.plant import forms as plant
 
 # What a formula must close of what the curve closes: all but a slight part.
 ENOUGH = 1.0 - MINOR_SHARE
+# Numerical: gaps that are computed to find the place of a jump.
+MOST_TRIALS = 40
 # Numerical: sizes from which a bend of a formula is fitted, in shares of the range, and powers of it.
 SCALES, POWERS = (0.1, 0.25, 0.5, 1.0), (0.5, 2.0, 3.0)
 
@@ -21,7 +23,7 @@ SCALES, POWERS = (0.1, 0.25, 0.5, 1.0), (0.5, 2.0, 3.0)
 class Law:
     """A formula: `text` of x; `names` and `units` of its parameters (x, y: the units of the axes); of(x, values) its
     values; `starts` of those that enter it bent, in shares of the range where their unit is x's; `jumps_at`: the
-    parameter that is the place of a jump."""
+    parameter that is the place of a jump; `nothing_beyond`: whether it is zero beyond that place, on both sides."""
 
     text: str
     names: tuple[str, ...]
@@ -29,6 +31,7 @@ class Law:
     of: Callable[..., np.ndarray]
     starts: tuple[tuple[float, ...], ...] = ((),)
     jumps_at: str | None = None
+    nothing_beyond: bool = False
 
 
 def _scaled(*each: float) -> tuple[tuple[float, ...], ...]:
@@ -79,8 +82,8 @@ _ODD = (
         _scaled(*SCALES),
     ),
 )
-# Numerical: how sharp a change of law at a place is, in shares of a curve's range: less than a point's distance.
-_SHARP = 120.0
+# Numerical: how sharp a change of law at a place is, in shares of a curve's range: less than the distance of two knots.
+_SHARP = 240.0
 
 
 def _within(x: np.ndarray, place: float) -> np.ndarray:
@@ -97,6 +100,7 @@ _PLACES = (
         lambda x, a, b: a * x * _within(x, b),
         _scaled(0.25, 0.5, 0.75, 0.9),
         jumps_at="b",
+        nothing_beyond=True,
     ),
     Law(
         "a·(x - b·sgn(x)) for |x| > b",
@@ -215,7 +219,7 @@ def laws(over: str) -> tuple[Law, ...]:
 
 @dataclass(frozen=True)
 class Formula:
-    """A formula with its parameters: values, standard errors, and the curve (POINTS,) that it makes."""
+    """A formula with its parameters: values, standard errors, and the curve (points,) that it makes."""
 
     law: Law
     values: np.ndarray
@@ -238,7 +242,7 @@ class Formula:
 def fitted(law: Law, form: Form, values: np.ndarray, covariance: np.ndarray) -> Formula | None:
     """A formula fitted to a curve by what the runs know of its coefficients.
 
-    values : (POINTS,) in the term's unit; covariance : (n, n) of its coefficients, SI.
+    values : (points,) in the term's unit; covariance : (n, n) of its coefficients, SI.
     """
     from scipy.optimize import least_squares  # a third of a second, which few cases have to spend
 
@@ -269,8 +273,52 @@ def fitted(law: Law, form: Form, values: np.ndarray, covariance: np.ndarray) -> 
     if law.jumps_at is not None:
         # A curve says between which two points a jump lies, and no more.
         place = law.names.index(law.jumps_at)
-        errors[place] = np.hypot(errors[place], float(np.diff(x).max()) / np.sqrt(12.0))
+        apart = float(np.diff(x).max()) * (SPACING if form.over in plant.BRANCHES else 1)
+        errors[place] = np.hypot(errors[place], apart / np.sqrt(12.0))
     return Formula(law, best.x * units, errors, law.of(x, *(best.x * units)))
+
+
+def sharpened(formula: Formula, form: Form, gap: Callable[[Form, np.ndarray], float]) -> tuple[Formula, Form]:
+    """A formula with its jump where it leaves least, and the form whose grid holds it between its last two points.
+
+    A free curve is straight between its knots. It blurs a jump, and what is fitted to it does not know the place any
+    better.
+
+    Parameters
+    ----------
+    formula : one whose law does not jump to nothing, or runs over what has no finer grid, stays as it is, and so does
+        its form. gap : of a form with a curve (points,), with all else as it is.
+    """
+    from scipy.optimize import minimize
+
+    law = formula.law
+    if law.jumps_at is None or not law.nothing_beyond or form.over not in plant.BRANCHES:
+        return formula, form
+    place = law.names.index(law.jumps_at)
+
+    def ending(values: np.ndarray) -> tuple[Form, np.ndarray]:
+        end = abs(float(values[place])) * (plant.HALF - 1.0) / (plant.HALF - 1.5)
+        near = replace(form, low=-end, high=end)
+        curve = law.of(near.points, *np.where(np.arange(len(values)) == place, np.inf, values))
+        curve[[0, -1]] = 0.0
+        return near, curve
+
+    steps = np.abs(formula.values) * MINOR_SHARE
+    found = minimize(
+        lambda values: gap(*ending(values)),
+        formula.values,
+        method="Nelder-Mead",
+        options={
+            "initial_simplex": formula.values + np.vstack([np.zeros(len(steps)), np.diag(steps)]),
+            "maxfev": MOST_TRIALS,
+            "xatol": 1e-3 * float(np.abs(formula.values).min()),
+            "fatol": 1e-4,
+        },
+    )
+    near, curve = ending(found.x)
+    errors = formula.errors.copy()
+    errors[place] = float(np.diff(near.points).max()) / np.sqrt(12.0)
+    return Formula(law, found.x, errors, curve), near
 
 
 def _first_guess(

@@ -363,7 +363,7 @@ def _made_by_curves(found: Found, cause: Cause, most: float) -> np.ndarray | Non
 
 
 def curves_of_superseded(found: Found) -> dict[str, list[np.ndarray]]:
-    """Curves (POINTS,) of single forms that do what superseded effects do, by the form's id. A formula of such a shape
+    """Curves (points,) of single forms that do what superseded effects do, by the form's id. A formula of such a shape
     would say that the effect had been right."""
     curves: dict[str, list[np.ndarray]] = {}
     for cause in found.superseded:
@@ -396,7 +396,7 @@ def _named(problem: Problem, now: HeldOutScore, judged: HeldOutScore, candidate:
 
 
 def values_of(fit: Fit, form: Form, side: str) -> tuple[np.ndarray, np.ndarray]:
-    """A form's values (POINTS,) in a fit, in the term's unit, and the covariance (n, n) of its coefficients in SI."""
+    """A form's values (points,) in a fit, in the term's unit, and the covariance (n, n) of its coefficients in SI."""
     basis, _ = shapes(form.over)
     ps = parameters(fit.effects, fit.hypothesis)
     at = [k for k, (effect, one, _) in enumerate(ps) if (effect.id, one) == (form.id, side)]
