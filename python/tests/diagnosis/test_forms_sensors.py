@@ -119,3 +119,26 @@ def test_curves_are_alike_whatever_their_size():
     assert alike(curve, -3.0 * curve)
     assert not alike(curve, curve[::-1])
     assert not alike(curve, np.zeros(plant.POINTS))
+
+
+def test_a_floors_formula_knows_its_place_better_than_the_knots_of_its_curve():
+    """A free curve is straight between seven knots. The formula's jump is then moved to where the replay leaves least,
+    and the curve that is written has it there."""
+    size = 0.06
+
+    def change(model):
+        points = points_of("i", -0.12, 0.12)
+        put(model, (0, 1), "current_sensor", "i", -0.12, 0.12, np.where(np.abs(points) < size, -points, 0.0))
+
+    problem, fit = explained(make_case(change, seconds=8.0))
+    found = forms_of(problem, fit, problem.gap(fit.model(problem)), True)
+    (entry,) = found.entries
+    assert (entry["term"], entry["over"], entry["formula"]) == ("current_sensor", "i", "a·x for |x| < b")
+    place = entry["parameters"]["b"]
+    assert place["value"] == pytest.approx(size, rel=0.05)
+    low, high = place["ci90"]
+    assert low < size < high and high - low < 0.1 * size
+    curve = np.array(entry["curve"])
+    inside = np.abs(curve[:, 0]) < 0.9 * size
+    assert curve[inside, 1] == pytest.approx(-curve[inside, 0], abs=0.003) and inside.sum() > 20
+    assert curve[0, 1] == curve[-1, 1] == 0.0 and size < curve[-1, 0] == -curve[0, 0] < 1.05 * size

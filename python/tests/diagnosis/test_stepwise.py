@@ -7,7 +7,7 @@ from rtds_host.contract import read_case
 from rtds_host.diagnosis.fit import scaled
 from rtds_host.diagnosis.gap import LEAST
 from rtds_host.diagnosis.problem import Problem
-from rtds_host.diagnosis.search import stepwise
+from rtds_host.diagnosis.search import driver, stepwise
 from rtds_host.diagnosis.search.driver import Search
 from rtds_host.diagnosis.search.stepwise import Selection, neighbours
 
@@ -72,12 +72,21 @@ def test_steps_go_on_from_what_comes_closest_where_the_same_explanation_is_chose
     assert bases == [(GAIN, VISCOUS), (GAIN,), (VISCOUS,)]
 
 
-def test_no_step_goes_beyond_the_budget(linear):
+def test_no_step_goes_beyond_the_budget(linear, monkeypatch):
     found = selection(linear, {GAIN: {"ratio": 1.2}})
     (search,) = found.searches
-    search.limits.attribution_until = 0.0
-    assert neighbours(search, found.choice()[1].fit) == []
+    monkeypatch.setattr(driver, "STEPS_SHARE", 0.0)
     assert found.stepwise()[1].hypothesis == (GAIN,)
+    assert neighbours(search, found.choice()[1].fit) == []
+    assert search.limits.ended
+
+
+def test_steps_are_taken_whatever_the_searches_before_them_used(linear):
+    """A long case uses up the work of its searches in the beams; what these end in is then still improved."""
+    found = selection(linear, {GAIN: {"ratio": 1.2}})
+    (search,) = found.searches
+    search.limits.search_until = search.limits.attribution_until = 0.0
+    assert set(found.stepwise()[1].hypothesis) in RIGHT
 
 
 def test_explanations_that_are_not_scored_could_not_have_been_chosen(linear, monkeypatch):
