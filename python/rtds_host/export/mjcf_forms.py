@@ -25,6 +25,7 @@ from rtds_host.plant.forms import (
     FLUID,
     FORWARD,
     GEAR_LOAD,
+    HALF,
     MEAN_I,
     MOST_FORMS,
     OVER_CODE,
@@ -46,7 +47,6 @@ from rtds_host.plant.forms import (
 I_READ = TERM_CODE["current_sensor"], OVER_CODE["i"]
 W_READ = TERM_CODE["speed_sensor"], OVER_CODE["w"]
 OVER_LOAD = OVER_CODE["load"]
-WIDTH = VALUES + 98
 # laws: end
 
 
@@ -58,7 +58,7 @@ class Forms:
     def __init__(self, model):
         numbers = {model.numeric(k).name: [float(v) for v in model.numeric(k).data] for k in range(model.nnumeric)}
         self.model, self.any = model, any(name.startswith("form_") for name in numbers)
-        nothing = [0.0] * WIDTH
+        nothing = [0.0] * (VALUES + 2 * HALF)
         self.rows = [
             [numbers.get(f"form_{side}_{n + 1}", nothing) for n in range(MOST_FORMS)] for side in ("left", "right")
         ]

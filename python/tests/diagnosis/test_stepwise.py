@@ -75,6 +75,7 @@ def test_steps_go_on_from_what_comes_closest_where_the_same_explanation_is_chose
 def test_no_step_goes_beyond_the_budget(linear, monkeypatch):
     found = selection(linear, {GAIN: {"ratio": 1.2}})
     (search,) = found.searches
+    search.limits.attribution_until = 0.0
     monkeypatch.setattr(driver, "STEPS_SHARE", 0.0)
     assert found.stepwise()[1].hypothesis == (GAIN,)
     assert neighbours(search, found.choice()[1].fit) == []

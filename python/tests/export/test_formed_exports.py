@@ -69,7 +69,8 @@ def content_of(name):
     entries = []
     for term, over, low, high, law, *tau in SETS[name]:
         form = Form(term, over, low, high, 1.0, *tau)
-        curve = written(form, law(points_of(over, low, high)), np.full(plant.POINTS, 1e-3))
+        values = law(points_of(over, low, high))
+        curve = written(form, values, np.full(len(values), 1e-3))
         entries.append(
             {
                 "term": term,

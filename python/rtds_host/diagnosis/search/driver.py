@@ -24,7 +24,7 @@ MAX_UNSUPPORTED = 1
 EXCHANGES = 3
 # Numerical: budget of work (`Problem.work`) of a search, and of a quick one: a minute and a half, and half a minute.
 MOST_WORK, QUICK_WORK = 1.2e9, 4e8
-# Numerical: budget of steps by runs left out, as a share of it.
+# Numerical: what is left for steps by runs left out, as a share of it.
 STEPS_SHARE = 0.25
 
 
@@ -36,23 +36,18 @@ class Limits:
 
     def __init__(self, problem: Problem, quick: bool):
         self.problem, self.quick, self.ended = problem, quick, False
-        self.search_until = self.attribution_until = self.steps_until = math.inf
+        self.search_until = self.attribution_until = math.inf
 
     def begin(self) -> None:
         """Start both budgets. A case of an axis is searched three times, one of a robot twice."""
         most = QUICK_WORK if self.quick else MOST_WORK
         self.search_until, self.attribution_until = self.problem.work + most, self.problem.work + 2.0 * most
 
-    def begin_steps(self) -> None:
-        """Start the budget of steps by runs left out, whatever was used before: what a beam ends in is rarely the best
+    def allow_steps(self) -> None:
+        """Leave something for steps by runs left out, whatever was used before: what a beam ends in is rarely the best
         explanation of a measured machine."""
         most = QUICK_WORK if self.quick else MOST_WORK
-        self.steps_until = self.problem.work + STEPS_SHARE * most
-
-    def steps_over_budget(self) -> bool:
-        """Whether the steps have used their budget. What they have found then decides."""
-        self.ended |= self.problem.work >= self.steps_until
-        return self.problem.work >= self.steps_until
+        self.attribution_until = max(self.attribution_until, self.problem.work + STEPS_SHARE * most)
 
     def search_over_budget(self) -> bool:
         """Whether the search has used its budget. It then ends with what it has found."""

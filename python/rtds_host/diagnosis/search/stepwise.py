@@ -90,8 +90,7 @@ class Selection:
     def stepwise(self) -> tuple[Search, Fit]:
         """The explanation that held-out runs choose after further steps, and the search that found it."""
         found_by, selected = self.choice()
-        for search in self.searches:
-            search.limits.begin_steps()
+        found_by.limits.allow_steps()
         tried: set[Hypothesis] = {()}
         # Where the motion is unstable, noise in the initial state alone makes a gap. Whole runs then choose by chance.
         # The more explanations are compared, the more often one is chosen by chance: no step adds any.
@@ -123,12 +122,12 @@ def neighbours(search: Search, fit: Fit) -> list[Fit]:
     explanation is not admissible.
     """
     problem, store, is_axis = search.problem, search.store, search.problem.robot.axis is not None
-    if search.limits.steps_over_budget() or not store.admissible(fit):
+    if search.limits.attribution_over_budget() or not store.admissible(fit):
         return []
     problem.follow_angles(True)
     screens = screenings(search, fit)
     found = [fit, *most_probable(store, additions(search, fit, screens(fit)), JUDGED)]
-    if not search.limits.steps_over_budget():
+    if not search.limits.attribution_over_budget():
         exchanges = []
         for cause, reduced in zip(fit.hypothesis, removing.without(store, fit, *fit.hypothesis)):
             exchanges += renaming.sides(store, fit, cause)
