@@ -16,7 +16,7 @@ from rtds_host.contract import Robot
 from rtds_host.correction import layer
 from rtds_host.correction.correction import Correction
 from rtds_host.errors import InputError
-from rtds_host.motor.effects import Curve
+from rtds_host.motor.effects import Curve, MotorParameters
 from rtds_host.plant import forms
 from rtds_host.robot import Body
 
@@ -206,6 +206,14 @@ def _inverse(command: Curve | None, name: str) -> tuple[np.ndarray, np.ndarray]:
             f"robot {name!r}: forms: a voltage over more than the command needs a driver whose voltage grows with it"
         )
     return x, y
+
+
+def drives_itself(rows: np.ndarray, motor: MotorParameters, gear: float) -> bool:
+    """Whether forms of a side (MOST_FORMS, WIDTH) make its friction by the speed negative wherever they are, by more
+    than the back-EMF brakes: a motor at any voltage then ever gets faster."""
+    mine = rows[rows[:, forms.TERM] == _CODE["damping"], forms.VALUES : forms.VALUES + forms.POINTS]
+    brakes = motor.torque_constant_nm_per_a * motor.back_emf_constant_v_s_per_rad / motor.resistance_ohm
+    return bool(mine.max(axis=1).sum() + gear**2 * (motor.viscous_friction_nm_s_per_rad + brakes) < 0.0)
 
 
 def needs_command(rows: np.ndarray, supply: float) -> float:

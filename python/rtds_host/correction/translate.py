@@ -223,8 +223,13 @@ def _placed(unit: UnitEffects, rows: np.ndarray, robot: Robot, start: float) -> 
 
     Raises
     ------
-    InputError : see `formed.beyond`.
+    InputError : see `formed.beyond`; a wheel that drives itself.
     """
+    if formed.drives_itself(rows, unit.motor or MotorParameters(*robot.motor.constants), robot.motor.gear_ratio):
+        raise InputError(
+            f"robot {robot.name!r}: forms: viscous friction is negative all over its curve, by more than the back-EMF "
+            "brakes: the wheel would drive itself"
+        )
     between, sensors = np.array(rows), np.zeros_like(rows)
     for k, row in enumerate(rows):
         name = named(row)

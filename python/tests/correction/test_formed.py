@@ -139,6 +139,19 @@ def test_sensors_of_a_run_read_with_their_forms():
     assert CorrectedPath(12.0, replace(sensors, forms=plant.no_forms())).sensors(0.0, seen).gyro_rad_s == -1.0
 
 
+@pytest.mark.parametrize(("share", "refused"), [(1.1, True), (0.3, False)])
+def test_a_wheel_that_would_drive_itself_is_refused_and_one_that_its_back_emf_holds_is_not(share, refused):
+    motor = ROBOT.motor
+    brakes = motor.torque_constant_nm_per_a * motor.back_emf_constant_v_s_per_rad / motor.resistance_ohm
+    all_of_it = motor.gear_ratio**2 * (motor.viscous_friction_nm_s_per_rad + brakes)
+    model = formed(("damping", "t", 0.0, 2.0, lambda x: -share * all_of_it + 0.0 * x))
+    if refused:
+        with pytest.raises(InputError, match="forms: viscous friction is negative all over its curve"):
+            translate(model, ROBOT)
+    else:
+        assert np.abs(simulate(designed_run(0.3), ROBOT, model, Setting()).out).max() < 1e3
+
+
 # One of each equation. The first four are in tables of the units; the others act on units, body or readings, once a
 # millisecond.
 IN_RTL = {
