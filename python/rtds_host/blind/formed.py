@@ -8,7 +8,6 @@ another form, the part that the nearest machine of the catalogue does not make u
 
 from __future__ import annotations
 
-import copy
 import json
 import math
 from collections.abc import Callable
@@ -19,7 +18,7 @@ from rtds_host.cleanup import temporary_folder
 
 CLOSES = 0.7  # share of what an unmodelled effect makes
 LEAST_GAP = 1.2  # an effect that makes less is not asked for
-MOST_OTHER = 2.0  # nor one that makes less than the square of what else is left, divided by this
+LEAST_SHARE = 0.5  # nor, in `hard`, one that makes less of the squared residual that the nearest machine leaves
 # Unmodelled effects that are functions of a state, and the terms of the equation that lacks each: friction over the
 # speed or over time is a torque or a damping of the same equation of motion.
 EQUATIONS = {
@@ -45,13 +44,6 @@ def unmodelled(truth: dict) -> list[dict]:
     return [entry for entry in there if entry]
 
 
-def without_forms(answer: dict) -> dict:
-    """The same diagnosis with its effects alone."""
-    bare = copy.deepcopy(answer)
-    bare["forms"] = []
-    return bare
-
-
 def effects_alone(diagnosis: Path, measured: Callable[[Path], dict]) -> float | None:
     """Gap that a diagnosis' effects leave of unseen runs without its forms; None without forms or a prediction.
 
@@ -62,7 +54,7 @@ def effects_alone(diagnosis: Path, measured: Callable[[Path], dict]) -> float | 
         return None
     with temporary_folder() as scratch:
         bare = scratch / "diagnosis.json"
-        bare.write_text(json.dumps(without_forms(answer)))
+        bare.write_text(json.dumps({**answer, "forms": []}))
         return measured(bare).get("after")
 
 
@@ -94,7 +86,7 @@ def _asked(truth: dict, entry: dict, closure: dict) -> bool:
         alone = closure.get("before", 0.0)  # of a case that has nothing else
         return bool(entry.get("gap_without", alone) >= LEAST_GAP)
     own = entry["gap_beyond_names"] ** 2 - 1.0
-    return entry["gap_beyond_names"] >= LEAST_GAP and MOST_OTHER * own >= truth["gap"]["known"] ** 2 - 1.0
+    return entry["gap_beyond_names"] >= LEAST_GAP and own >= LEAST_SHARE * (truth["gap"]["known"] ** 2 - 1.0)
 
 
 def _share(entry: dict, closure: dict) -> float | None:

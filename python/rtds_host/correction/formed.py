@@ -209,11 +209,11 @@ def _inverse(command: Curve | None, name: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def drives_itself(rows: np.ndarray, motor: MotorParameters, gear: float) -> bool:
-    """Whether forms of a side (MOST_FORMS, WIDTH) make its friction by the speed negative wherever they are, by more
-    than the back-EMF brakes: a motor at any voltage then ever gets faster."""
-    mine = rows[rows[:, forms.TERM] == _CODE["damping"], forms.VALUES : forms.VALUES + forms.POINTS]
+    """Whether the viscous friction of a side with its forms (MOST_FORMS, WIDTH) is negative at all points of their
+    curves, and outweighs what its back-EMF brakes: at any voltage the motor then gets faster without end."""
+    most = sum(float(forms.values_in(row).max()) for row in rows if row[forms.TERM] == _CODE["damping"])
     brakes = motor.torque_constant_nm_per_a * motor.back_emf_constant_v_s_per_rad / motor.resistance_ohm
-    return bool(mine.max(axis=1).sum() + gear**2 * (motor.viscous_friction_nm_s_per_rad + brakes) < 0.0)
+    return bool(most + gear**2 * (motor.viscous_friction_nm_s_per_rad + brakes) < 0.0)
 
 
 def needs_command(rows: np.ndarray, supply: float) -> float:
@@ -265,5 +265,5 @@ def angle_of(over: str, gear: float) -> float:
 def period_table(row: np.ndarray, gear: float) -> Curve:
     """One period of a form over an angle as a unit's table: N·m at the shaft over rad."""
     x = 2.0 * math.pi * np.arange(forms.POINTS + 1) / forms.POINTS
-    values = np.append(row[forms.VALUES : forms.VALUES + forms.POINTS], row[forms.VALUES]) / gear
+    values = np.append(forms.values_in(row), row[forms.VALUES]) / gear
     return Curve(tuple(x), tuple(values))

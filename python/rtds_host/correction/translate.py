@@ -19,7 +19,7 @@ from rtds_host.contract import Robot
 from rtds_host.correction import formed
 from rtds_host.correction.correction import BodyValues, Correction, GearValues, SensorValues
 from rtds_host.diagnosis.effects import Effect
-from rtds_host.diagnosis.forms.curves import named, points_of, values_in
+from rtds_host.diagnosis.forms.curves import named, points_of
 from rtds_host.diagnosis.replay.model import Model, nominal_model
 from rtds_host.errors import InputError
 from rtds_host.motor.effects import Curve, MotorParameters, SupplyEffects, UnitEffects
@@ -250,7 +250,7 @@ def _placed(unit: UnitEffects, rows: np.ndarray, robot: Robot, start: float) -> 
 
 def _held(unit: UnitEffects, row: np.ndarray, over: str, robot: Robot, start: float) -> UnitEffects | None:
     """The unit with a form of `IN_UNITS` in its table, None where that is taken or cannot hold it."""
-    high, values, n, supply = float(row[forms.HIGH]), values_in(row), robot.motor.gear_ratio, robot.supply_v
+    high, values, n, supply = float(row[forms.HIGH]), forms.values_in(row), robot.motor.gear_ratio, robot.supply_v
     if over == "w":
         speeds = n * np.linspace(0.0, high, forms.HALF)
         ahead = Curve(tuple(speeds), tuple(-values[forms.HALF :] / n))

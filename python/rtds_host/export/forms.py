@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rtds_host.diagnosis.forms.curves import named, points_of, told_by, values_in
+from rtds_host.diagnosis.forms.curves import named, points_of, told_by
 from rtds_host.export.figures import SIDES, Figures
 from rtds_host.export.table import AS_NUMBER, OWN, How
 from rtds_host.plant import forms
@@ -30,7 +30,7 @@ def written_forms(figures: Figures) -> list[dict]:
                 continue
             term, over = what
             low, high = float(row[forms.LOW]), float(row[forms.HIGH])
-            y = values_in(row)
+            y = forms.values_in(row)
             told = told_by(over, y)
             x, y = points_of(over, low, high)[told], y[told]
             if over in forms.PERIODIC:

@@ -109,6 +109,11 @@ def units_of(term: str, over: str) -> tuple[str, str]:
     return OVERS[over], "1" if (term, over) == ("voltage", "heat") else TERMS[term]
 
 
+def values_in(row: np.ndarray) -> np.ndarray:
+    """The values of a form's row (WIDTH,), one a point of its grid."""
+    return row[VALUES : VALUES + (2 * HALF if row[OVER] <= _LAST_BRANCH else POINTS)]
+
+
 @loop
 def curve(row, x):
     """Value and slope of a form at x; at a jump's place it is zero, with no slope.

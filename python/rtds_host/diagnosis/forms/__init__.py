@@ -157,6 +157,7 @@ def _entry(problem: Problem, found: Found, form: Form, side: str, share: float, 
         return problem.gap(_with(problem, found.fit, one, side, curve))
 
     with_curve, without = left(form, values), left(form, np.zeros(len(form.points)))
+    most = MAX_RESIDUAL_RATIO * (with_curve**2 - 1.0)
     for law in laws(form.over):
         formula = fitted(law, form, values, covariance)
         if formula is None or not np.isfinite(formula.curve).all():
@@ -164,11 +165,11 @@ def _entry(problem: Problem, found: Found, form: Form, side: str, share: float, 
         if any(alike(formula.curve, curve) for curve in refuted):
             continue
         if without - left(form, formula.curve) >= ENOUGH * (without - with_curve):
-            sharp, near = sharpened(formula, form, left)
-            if left(near, sharp.curve) ** 2 - 1.0 <= MAX_RESIDUAL_RATIO * (with_curve**2 - 1.0):
+            sharp = sharpened(formula, form, left)
+            if sharp is not None and left(sharp[1], sharp[0].curve) ** 2 - 1.0 <= most:
                 # A free curve cannot hold the jump.
-                blurred = np.interp(near.points, form.points, errors)
-                formula, entry["curve"] = sharp, written(near, sharp.curve, blurred)
+                formula, near = sharp
+                entry["curve"] = written(near, formula.curve, np.interp(near.points, form.points, errors))
             return {**entry, "formula": law.text, "parameters": formula.entry()}
     return entry
 

@@ -19,10 +19,11 @@ from rtds_host.diagnosis.effects import SIDES, Effect, Parameter
 from rtds_host.diagnosis.replay.model import Model
 from rtds_host.plant import forms as plant
 
-# Numerical: points of a branch between which a free curve is straight. Its grid is finer, for formulas.
-# Shapes of a curve: of an even grid, odd and even ones of two branches, pairs of a turn, and over a heat.
+# Numerical: points of a branch between which a free curve is straight; points of its grid, which is finer for formulas,
+# from one of them to the next.
 KNOTS = 7
 SPACING = (plant.HALF - 1) // (KNOTS - 1)
+# Numerical: shapes of a curve: of an even grid, odd and even ones of two branches, pairs of a turn, and over a heat.
 EVEN, ODD_SHAPES, EVEN_SHAPES, TURNS, WARM_SHAPES = 9, KNOTS, 4, 5, 4
 # Numerical: where a curve with a jump is written next to zero, in shares of its range.
 BESIDE_ZERO = 1e-4
@@ -191,12 +192,11 @@ def put(
             raise ValueError(f"a robot has at most {plant.MOST_FORMS} forms a side")
         row = model.forms[side, free[0]]
         row[: plant.VALUES] = plant.TERM_CODE[term], plant.OVER_CODE[over], low, high, tau
-        row[plant.VALUES :] = 0.0
-        row[plant.VALUES : plant.VALUES + len(values)] = values
+        plant.values_in(row)[:] = values
 
 
 def told_by(over: str, values: np.ndarray) -> np.ndarray:
-    """Which points (points,) tell a curve: of one that is straight between its knots these alone."""
+    """Indices of the points that a file needs: of a curve that is straight between its knots, these alone."""
     if over in plant.BRANCHES:
         at = np.arange(plant.HALF)
         half = at[::SPACING]
@@ -236,12 +236,6 @@ def _branch_through(x: np.ndarray, y: np.ndarray, high: float) -> np.ndarray:
     else:
         size, value = np.append(0.0, size), np.append(np.interp(0.0, x, y), value)
     return np.interp(np.linspace(0.0, high, plant.HALF), size, value)
-
-
-def values_in(row: np.ndarray) -> np.ndarray:
-    """The values (points,) of a model's row (WIDTH,)."""
-    branches = int(row[plant.OVER]) in [plant.OVER_CODE[over] for over in plant.BRANCHES]
-    return row[plant.VALUES : plant.VALUES + (2 * plant.HALF if branches else plant.POINTS)]
 
 
 def named(row: np.ndarray) -> tuple[str, str] | None:

@@ -278,25 +278,26 @@ def fitted(law: Law, form: Form, values: np.ndarray, covariance: np.ndarray) -> 
     return Formula(law, best.x * units, errors, law.of(x, *(best.x * units)))
 
 
-def sharpened(formula: Formula, form: Form, gap: Callable[[Form, np.ndarray], float]) -> tuple[Formula, Form]:
-    """A formula with its jump where it leaves least, and the form whose grid holds it between its last two points.
+def sharpened(formula: Formula, form: Form, gap: Callable[[Form, np.ndarray], float]) -> tuple[Formula, Form] | None:
+    """A formula with its jump where it leaves least, and the form whose grid holds it between its last two points; None
+    of a formula that does not jump to zero.
 
     A free curve is straight between its knots. It blurs a jump, and what is fitted to it does not know the place any
     better.
 
     Parameters
     ----------
-    formula : one whose law does not jump to nothing, or runs over what has no finer grid, stays as it is, and so does
-        its form. gap : of a form with a curve (points,), with all else as it is.
+    formula : as fitted to the curve of `form`. gap : of a form with a curve (points,), with all else as it is.
     """
     from scipy.optimize import minimize
 
     law = formula.law
-    if law.jumps_at is None or not law.nothing_beyond or form.over not in plant.BRANCHES:
-        return formula, form
+    if law.jumps_at is None or not law.nothing_beyond:
+        return None
     place = law.names.index(law.jumps_at)
 
     def ending(values: np.ndarray) -> tuple[Form, np.ndarray]:
+        # The place lies in the middle of the last interval: the law as if it went on, and zero at both ends.
         end = abs(float(values[place])) * (plant.HALF - 1.0) / (plant.HALF - 1.5)
         near = replace(form, low=-end, high=end)
         curve = law.of(near.points, *np.where(np.arange(len(values)) == place, np.inf, values))
@@ -311,8 +312,6 @@ def sharpened(formula: Formula, form: Form, gap: Callable[[Form, np.ndarray], fl
         options={
             "initial_simplex": formula.values + np.vstack([np.zeros(len(steps)), np.diag(steps)]),
             "maxfev": MOST_TRIALS,
-            "xatol": 1e-3 * float(np.abs(formula.values).min()),
-            "fatol": 1e-4,
         },
     )
     near, curve = ending(found.x)
