@@ -28,7 +28,13 @@ LARGEST_GAP = 25.0
 COUNTED = ("i_l", "i_r", "w_l", "w_r", "gyro_z", "x", "y", "yaw", "th_l", "th_r")
 TRIAL_RUNS, TRIAL_S = 3, 8.0  # what the draw of sizes looks at
 ROUNDS = 30
-COUNTS = {"many": (3, 4, 5), "messy": (1, 2), "sizes": (0, 1, 1, 1, 1, 2, 2, 2), "loggers": (0, 1, 1, 1, 1, 2, 2, 2)}
+COUNTS = {
+    "many": (3, 4, 5),
+    "messy": (1, 2),
+    "formed": (1, 2),
+    "sizes": (0, 1, 1, 1, 1, 2, 2, 2),
+    "loggers": (0, 1, 1, 1, 1, 2, 2, 2),
+}
 REST_SHARE = (0.05, 0.5)  # of the gap that a rest is worth
 # Two that add to one and the same torque: no size of the one alone is the truth.
 SAME_TERM = ({"coulomb_friction", "stribeck_friction"},)

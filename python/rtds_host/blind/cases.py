@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from rtds_host.blind import hard, machines
+from rtds_host.blind import formed_world, hard, machines
 from rtds_host.blind.accounts import Drive, draw_causes, worth
 from rtds_host.blind.kernel import SIDE_NAMES
 from rtds_host.blind.planar import (
@@ -46,9 +46,9 @@ from rtds_host.vectors import given
 SCENARIOS = ("coast", "crawl", "steps", "prbs", "spin", "circle", "eight", "linear", "teleop")
 TIERS = ("all", "tol", "few", "pair", "none", "unknown", "long")
 # Drawn only where they are asked for: several causes at once; other machines than the burger, and real loggers;
-# machines as hard as measured ones.
+# machines as hard as measured ones; machines with a random curve in one of their equations.
 OTHERS = ("sizes", "loggers")
-ACCOUNTS = ("many", "messy", *OTHERS, "hard")
+ACCOUNTS = ("many", "messy", *OTHERS, "hard", "formed")
 KINDS = (*TIERS, *ACCOUNTS)
 WORLDS = ("planar", "mujoco")
 HELD_OUT = 2  # runs of each sealed case that the diagnoser never sees
@@ -100,6 +100,9 @@ def draw_spec(rng: np.random.Generator, tier: str, world: str = "planar", robot=
     _draw_the_log(rng, spec)
     if tier == "hard":
         hard.draw_case(rng, spec)
+        return spec
+    if tier == "formed":
+        formed_world.draw_case(rng, spec)
         return spec
     if tier in OTHERS:
         machines.draw_conditions(rng, spec, tier == "loggers")

@@ -2,8 +2,9 @@
 
 A form (contract, section 5) is a free curve in one equation over one state. An unmodelled effect that is such a
 function asks for a form in its own equation that closes `CLOSES` of what the effect makes, on runs that no diagnoser
-saw. What it makes is known from the truth. It is all that the effects leave, or in the tier `hard`, where much else has
-another form, the part that the nearest machine of the catalogue does not make up for.
+saw. What it makes is known from the truth. It is all that the effects leave (a curve of the tier `formed`, too), or in
+the tier `hard`, where much else has another form, the part that the nearest machine of the catalogue does not make up
+for.
 """
 
 from __future__ import annotations
@@ -36,6 +37,8 @@ EQUATIONS = {
     "current_floor": ("current_sensor",),
     "gyro_drift": ("gyro_sensor",),
 }
+# Curves that were drawn at random name their equation. Friction by speed or over time is of one and the same.
+ALIKE = {"torque": ("torque", "damping"), "damping": ("damping", "torque")}
 
 
 def unmodelled(truth: dict) -> list[dict]:
@@ -72,9 +75,12 @@ def judged(truth: dict, answer: dict | None, closure: dict | None) -> list[list[
     forms = (answer or {}).get("forms") or []
     rows = []
     for entry in unmodelled(truth):
-        if entry["id"] not in EQUATIONS or not _asked(truth, entry, closure or {}):
+        terms = (
+            ALIKE.get(entry["equation"], (entry["equation"],)) if "equation" in entry else EQUATIONS.get(entry["id"])
+        )
+        if not terms or not _asked(truth, entry, closure or {}):
             continue
-        placed = any(form["term"] in EQUATIONS[entry["id"]] for form in forms)
+        placed = any(form["term"] in terms for form in forms)
         share = _share(entry, closure or {}) if placed else None
         rows.append([entry["id"], placed, share, bool(placed and share is not None and share >= CLOSES)])
     return rows
@@ -95,7 +101,7 @@ def _share(entry: dict, closure: dict) -> float | None:
     if before is None or after is None:
         return None
     left = 1.0
-    if "gap_beyond_names" in entry:
+    if "gap_beyond_names" in entry and "equation" not in entry:
         left = math.sqrt(max(before**2 - (entry["gap_beyond_names"] ** 2 - 1.0), 1.0))
     return round((before - after) / (before - left), 4) if before > left else None
 

@@ -115,7 +115,13 @@ def _form(rng: np.random.Generator, name: str, of: Scale) -> dict[str, float]:
 def draw_form(rng: np.random.Generator, name: str, of: Scale, side: str) -> dict:
     """One form: id, side, subsystem and the planar world's parameters."""
     parameters = {key: float(f"{value:.5g}") for key, value in _form(rng, name, of).items()}
-    return {"id": name, "side": side, "subsystem": PLACES[name], "parameters": parameters}
+    return {
+        "id": name,
+        "side": side,
+        "subsystem": PLACES[name],
+        "parameters": parameters,
+        "names": list(ALIKE[name]),
+    }
 
 
 def draw_machine(rng: np.random.Generator) -> tuple[str, tuple[float, float]]:
@@ -518,7 +524,6 @@ def account(spec: dict) -> dict:
     forms = [
         {
             **form,
-            "names": list(ALIKE[form["id"]]),
             "gap_without": left["without"].get(form["id"]),
             "gap_beyond_names": left["beyond"][form["id"]],
             "matters": form["id"] in left["asked"],

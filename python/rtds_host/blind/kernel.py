@@ -19,7 +19,7 @@ import math
 import numpy as np
 from numba import njit
 
-from rtds_host.blind import unnamed
+from rtds_host.blind import curve, unnamed
 
 GRAVITY_M_S2 = 9.80665
 
@@ -239,7 +239,9 @@ STOP_REDUCED_KG_M2 = 2.07e-5 * (258.5**2 * 1.0e-7) / (2.07e-5 + 258.5**2 * 1.0e-
 
 
 @njit(cache=True)
-def simulate(times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, period_rows, gains, events, seed):
+def simulate(
+    times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, period_rows, gains, events, seed, curves
+):
     """Run one scenario.
 
     Parameters
@@ -250,6 +252,7 @@ def simulate(times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, p
     start : (5,) x, y, yaw, th_l, th_r at t = 0; everything else is at rest.
     w_ref : (n, 2) rad/s references, w_noise : (n, 2) rad/s noise on the controller's speed sensor, `period_rows`
         rows between two controller updates, `gains` (feed-forward V s/rad, kp, ki, limit V, speed gain l, r).
+    curves : (2, curve.WIDTH) laws that were drawn at random, see `curve`.
     events : (k, 4): from s, to s, side, torque N m of a brake; side -1: the link stalls, no command gets through.
 
     Returns
@@ -426,6 +429,8 @@ def simulate(times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, p
                 u -= min(u, side[S_DEADZONE, s])
             else:
                 u += min(-u, side[S_DEADZONE, s])
+            if curves[s, curve.LAW] == curve.VOLTAGE_COMMAND:
+                u += curve.at(curves[s], asked[s])
             volts[s] = u
         if world[W_SAG] > 0.0:
             bus -= world[W_SAG] * (i[0] * duty[0] + i[1] * duty[1])
@@ -440,7 +445,11 @@ def simulate(times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, p
         for s in range(2):
             volts[s] *= bus / vn
             volts[s] = min(max(volts[s], -side[S_LIMIT, s]), side[S_LIMIT, s])
+            if curves[s, curve.LAW] == curve.VOLTAGE_CURRENT:
+                volts[s] += curve.at(curves[s], i[s])
             left[s] = unnamed.flux(more[s], state[s], i[s])
+            if curves[s, curve.LAW] == curve.FLUX:
+                left[s] += curve.at(curves[s], i[s])
             emf = side[S_BACK_EMF, s] * left[s] * gear * wg[s]
             volts[s] = unnamed.output(more[s], state[s], h, volts[s], i[s], side[S_RESISTANCE, s], emf)
 
@@ -514,6 +523,12 @@ def simulate(times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, p
                 other += side[S_RIPPLE, s] * math.sin(side[S_RIPPLE_CYCLES, s] * thg[s] + side[S_RIPPLE_PHASE, s])
 
             other += unnamed.torque(more[s], state[s], h, w)
+            if curves[s, curve.LAW] == curve.TORQUE_SPEED:
+                other += curve.at(curves[s], w)
+            elif curves[s, curve.LAW] == curve.TORQUE_ANGLE:
+                other += curve.at(curves[s], thg[s])
+            elif curves[s, curve.LAW] == curve.DAMPING_TIME:
+                other -= curve.at(curves[s], t) * w
             if side[S_DAHL, s] > 0.0:
                 preslid[s] += w * h / side[S_DAHL_RAD, s] * (1.0 - preslid[s] * math.copysign(1.0, w))
                 preslid[s] = min(max(preslid[s], -1.0), 1.0)
@@ -590,9 +605,15 @@ def simulate(times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, p
             swing_rate += h * (pull - pushed)
             swung += h * swing_rate
             gx += world[W_SLOSH] * m * (pushed - pull)
+        if curves[0, curve.LAW] == curve.FORCE_SPEED:
+            gx += curve.at(curves[0], v)
+        elif curves[0, curve.LAW] == curve.FORCE_PLACE:  # a floor that is not level: it pushes along x
+            gx += curve.at(curves[0], x) * math.cos(yaw)
         ax_force = fl_fr + gx + m * cx * yawrate * yawrate
         moment = turn - m * cx * v * yawrate + cx * gy - cy * gx
         moment -= world[W_TURN_DRAG] * yawrate
+        if curves[0, curve.LAW] == curve.YAW_TORQUE:
+            moment += curve.at(curves[0], yawrate)
         if world[W_CASTER] > 0.0:
             cocked -= h * (yawrate + v / world[W_CASTER_LENGTH] * math.sin(cocked))
             moment -= world[W_CASTER] * math.sin(cocked) * math.tanh(v / unnamed.NAP_M_S)

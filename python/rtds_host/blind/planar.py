@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rtds_host.blind import kernel, unnamed
+from rtds_host.blind import curve, kernel, unnamed
 from rtds_host.blind.gap import channel_gaps
 from rtds_host.blind.kernel import SIDE_NAMES, WORLD_NAMES
 
@@ -84,6 +84,7 @@ class Machine:
     tolerance: dict = field(default_factory=dict)
     base_step_s: float = STEP_S
     lever: tuple[float, float] = (0.0, 0.0)  # of an axis: inertia and gravity torque a unit of payload
+    curves: np.ndarray = field(default_factory=curve.no_curves)  # laws that were drawn at random, see `curve`
 
     def set(self, name: str, value, sides=(0, 1)) -> None:
         """Set a kernel parameter by name."""
@@ -92,6 +93,12 @@ class Machine:
         else:
             for s in sides:
                 self.side[SIDE_NAMES.index(name), s] = value
+
+    def get(self, name: str, sides=(0, 1)) -> float:
+        """A kernel parameter by name, of the first of some sides."""
+        if name in WORLD_NAMES:
+            return float(self.world[WORLD_NAMES.index(name)])
+        return float(self.side[SIDE_NAMES.index(name), sides[0]])
 
     @property
     def step_s(self) -> float:
@@ -291,7 +298,9 @@ def apply_outside(machine: Machine, outside: dict) -> None:
     name, p = outside["id"], outside["parameters"]
     sides = {"both": (0, 1), "left": (0,), "right": (1,)}[outside["side"]]
     for key, value in p.items():
-        if key == "hold":
+        if key == "curve":
+            machine.curves[list(sides)] = value
+        elif key == "hold":
             machine.sensing.hold = [tuple(item) for item in value]
         elif key in Sensing.WHOLE:
             setattr(machine.sensing, key, value)
@@ -608,7 +617,7 @@ def run_machine(
 
         out = second.simulate(t, v_cmd, machine.side, place, start, *rest)
     else:
-        out = kernel.simulate(t, v_cmd, machine.side, place, start, step_s or machine.step_s, *rest)
+        out = kernel.simulate(t, v_cmd, machine.side, place, start, step_s or machine.step_s, *rest, machine.curves)
     duty = np.clip(v_cmd / machine.world[WORLD_NAMES.index("voltage")], -1.0, 1.0)
     return apply_sensors({name: out[:, k].copy() for k, name in enumerate(CHANNELS)}, machine, t, duty)
 
@@ -625,6 +634,8 @@ def apply_sensors(
         pace = np.gradient(raw["x"], t) * np.cos(raw["yaw"]) + np.gradient(raw["y"], t) * np.sin(raw["yaw"])
         raw["gyro_z"] = raw["gyro_z"] + sensing.gyro_pull * np.gradient(pace, t)
     for s, label in enumerate("lr"):
+        raw[f"i_{label}"] = curve.reading(machine.curves[s], curve.CURRENT_READING, raw[f"i_{label}"])
+        raw[f"w_{label}"] = curve.reading(machine.curves[s], curve.SPEED_READING, raw[f"w_{label}"])
         wobble = sensing.encoder_wobble[s]
         if wobble:
             angle = raw[f"th_{label}"]
@@ -641,6 +652,7 @@ def apply_sensors(
         raw[f"i_{label}"] = np.where(np.abs(raw[f"i_{label}"]) < sensing.current_floor[s], 0.0, raw[f"i_{label}"])
         raw[f"i_{label}"] = raw[f"i_{label}"] / (1.0 + sensing.current_bend[s] * raw[f"i_{label}"] ** 2)
         raw[f"i_{label}"] = raw[f"i_{label}"] * sensing.current_gain[s] + sensing.current_bias[s]
+    raw["gyro_z"] = curve.reading(machine.curves[0], curve.GYRO_READING, raw["gyro_z"])
     raw["gyro_z"] = raw["gyro_z"] * sensing.gyro_gain + sensing.gyro_bias + sensing.gyro_drift * t
     for share, seconds, channel in sensing.hold:
         begin = share * t[-1]

@@ -50,6 +50,7 @@ WEIGHTS = {
     "sizes": 8,
     "loggers": 8,
     "hard": 8,
+    "formed": 8,
 }
 LONG_WEIGHTS = {
     "all": 60,
@@ -64,6 +65,7 @@ LONG_WEIGHTS = {
     "sizes": 40,
     "loggers": 40,
     "hard": 40,
+    "formed": 40,
 }
 LONG_CHECK = 300
 
