@@ -210,7 +210,7 @@ def _measured(rng: np.random.Generator, robot, spec: dict, model: hard.Nearest) 
     """Fit the nearest machine to the truth and write `spec["left"]`, see `hard.account`; effects that do not matter are
     dropped. False where what is left is out of range or none of the effects matters."""
     truth, fresh = (hard.Truth(rng, robot, spec, spec[which]) for which in ("runs", "held_out"))
-    fit = hard.fitted(model, truth.errors)
+    fit = hard.fitted(model, truth.errors, rounds=hard.LEAST_ROUNDS)
     if not LEFT_GAP[0] < math.sqrt(1.0 + fit.left) < 1.5 * LEFT_GAP[1]:
         return False
     left_out = {effect["id"]: hard.without(model, truth.errors, fit, effect["id"]) for effect in spec["effects"]}
