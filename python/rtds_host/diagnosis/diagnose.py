@@ -14,6 +14,7 @@ from rtds_host.contract import Case
 from rtds_host.diagnosis import budget
 from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.attribution import Attribution, EffectEvidence, attribute, declared, without_effects
+from rtds_host.diagnosis.choice import MAX_RESIDUAL_RATIO
 from rtds_host.diagnosis.effort import Effort
 from rtds_host.diagnosis.experiment import next_experiment
 from rtds_host.diagnosis.fit import Fit
@@ -210,7 +211,7 @@ def _supported(found: Investigation, say: Callable[[str, float], None]) -> tuple
         lacking = {one.cause: one.refitted for one in attribution.included}
         shapes = forms_of(problem, attribution.fit, held.gap("after"), found.search.quick, lacking)
         if shapes.superseded:
-            attribution, held, shapes = without_superseded(found, attribution, shapes)
+            attribution, held, shapes = without_superseded(found, attribution, held, shapes)
     return attribution, held, shapes
 
 
@@ -277,7 +278,7 @@ def conclude(
     if verdict != "none":
         details.over_runs = {
             (cause[0], _side(problem, cause) if cause[0] in problem.effects else cause[1]): sizes
-            for cause, sizes in over_runs(problem, fitted).items()
+            for cause, sizes in over_runs(shapes.problem or problem, fitted).items()
         }
     return diagnosis, details
 
@@ -316,18 +317,32 @@ def _looked_for(problem: Problem, attribution: Attribution, held: HeldOut) -> bo
 
 
 def without_superseded(
-    found: Investigation, attribution: Attribution, shapes: Forms
+    found: Investigation, attribution: Attribution, held: HeldOut, shapes: Forms
 ) -> tuple[Attribution, HeldOut, Forms]:
-    """The attribution without the effects that forms supersede, what it leaves of runs left out, and the forms."""
-    problem = found.problem
+    """The attribution without the effects that forms supersede, what it leaves of runs left out, and the forms.
+
+    Effects that help only next to superseded ones fall with them. Then the forms are those of what is left, or, where
+    these leave more of runs left out than the criterion allows, no effect is superseded.
+
+    Parameters
+    ----------
+    held : what the attribution with all its effects leaves of runs left out.
+    """
+    problem, quick = found.problem, found.search.quick
     reduced = without_effects(found.search, attribution, {cause: SUPERSEDED for cause in shapes.superseded})
-    held = held_out(problem, reduced)
+    left = held_out(problem, reduced)
     kept = {one.cause for one in reduced.included}
-    if kept != {cause for cause in attribution.fit.hypothesis if cause not in shapes.superseded}:
-        # Others were included only next to superseded effects: forms go with the effects that are left.
-        again = forms_of(problem, reduced.fit, held.gap("after"), found.search.quick)
-        shapes = replace(again, notes=shapes.notes + again.notes)
-    return reduced, held, shapes
+    if kept == {cause for cause in attribution.fit.hypothesis if cause not in shapes.superseded}:
+        return reduced, left, shapes
+    again, whole = (
+        forms_of(problem, one.fit, gap.gap("after"), quick) for one, gap in ((reduced, left), (attribution, held))
+    )
+    without, with_all = (
+        one.gap if one.gap is not None else gap.gap("after") for one, gap in ((again, left), (whole, held))
+    )
+    if with_all**2 - 1.0 <= MAX_RESIDUAL_RATIO * (without**2 - 1.0):
+        return attribution, held, whole
+    return reduced, left, replace(again, notes=shapes.notes + again.notes)
 
 
 def _missing(store: Store, fit: Fit) -> list[np.ndarray]:

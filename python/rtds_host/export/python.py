@@ -41,7 +41,7 @@ FORM_CONSTANTS = (
         "_LAST_TURN",
     ),
     *("_TORQUE", "_VOLTAGE", "_CONSTANT", "_FORCE", "_YAW", "_GYRO", "_DAMPING"),
-    *("_V", "_HISTORY", "_I", "_W", "_LOAD", "_RATE", "_HEADING", "_TIME", "_HEAT"),
+    *("_V", "_HISTORY", "_I", "_W", "_LOAD", "_RATE", "_HEADING", "_TIME", "_HEAT", "_X", "_Y"),
     *("EXTREME", "DIRECTION", "GEAR_LOAD", "HEATS", "PAST", "TURNS_BY", "LOAD_S"),
     *("DRIVE", "FORWARD", "BACKWARD", "FLUID"),
     *("VOLTS", "CONSTANT", "PUSH", "TURN", "SCRUB", "ACTS", "ABOUT", "MEAN_I"),

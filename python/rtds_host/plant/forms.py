@@ -74,8 +74,8 @@ _LAST_BRANCH, _FIRST_TURN, _LAST_TURN = len(BRANCHES), OVER_CODE["th"], OVER_COD
 _TORQUE, _VOLTAGE, _CONSTANT, _FORCE, _YAW = (
     TERM_CODE[name] for name in ("torque", "voltage", "torque_constant", "force", "yaw_torque")
 )
-_V, _HISTORY, _I, _W, _LOAD, _RATE, _HEADING, _TIME, _HEAT = (
-    OVER_CODE[name] for name in ("v_cmd", "command_history", "i", "w", "load", "yaw_rate", "yaw", "t", "heat")
+_V, _HISTORY, _I, _W, _LOAD, _RATE, _HEADING, _TIME, _HEAT, _X, _Y = (
+    OVER_CODE[name] for name in ("v_cmd", "command_history", "i", "w", "load", "yaw_rate", "yaw", "t", "heat", "x", "y")
 )
 _GYRO, _DAMPING = TERM_CODE["gyro_sensor"], TERM_CODE["damping"]
 # What the forms of a side come to in a step: torque that drives; levels of dry friction against turning forwards and
@@ -174,6 +174,9 @@ def act(rows, quantities, past, acts):
     acts : (ACTS,) filled: torque N·m, levels of dry friction N·m, friction by speed N·m·s/rad, voltage V, relative
         torque constant, force N, torque about the vertical N·m and its part against the yaw rate N·m.
 
+    A force over x or y pushes along that axis, as the slope of an uneven floor does. What is across the robot's way its
+    wheels hold.
+
     A torque over the wheel's speed is dry friction with a level for each direction: it can hold a wheel. By its slope
     it also goes into the friction by speed, so that long steps stay stable. A torque over the load is dry friction,
     too: turning forwards the load drives with one sign, turning backwards with the other. A torque over the heat is
@@ -214,6 +217,10 @@ def act(rows, quantities, past, acts):
             acts[FLUID] += value
         elif term == _CONSTANT:
             acts[CONSTANT] += value
+        elif term == _FORCE and over == _X:
+            acts[PUSH] += value * math.cos(quantities[_HEADING - 1])
+        elif term == _FORCE and over == _Y:
+            acts[PUSH] += value * math.sin(quantities[_HEADING - 1])
         elif term == _FORCE:
             acts[PUSH] += value
         elif term == _YAW and over == _RATE:

@@ -10,11 +10,13 @@ from diagnosis_cases import make_case
 
 from rtds_host.contract import builtin_robot
 from rtds_host.correction.translate import translate
+from rtds_host.diagnosis import diagnose as diagnose_module
 from rtds_host.diagnosis import forms as forms_package
 from rtds_host.diagnosis.attribution import Attribution
 from rtds_host.diagnosis.diagnose import Investigation, setup_of, with_forms, without_superseded
 from rtds_host.diagnosis.fit import Fit, Fitter
-from rtds_host.diagnosis.forms import Forms, approximate, forms_of
+from rtds_host.diagnosis.forms import Forms, approximate, forms_of, horizons
+from rtds_host.diagnosis.forms import search as search_module
 from rtds_host.diagnosis.forms.curves import Form, points_of, put, shapes
 from rtds_host.diagnosis.forms.ends import movable, moved
 from rtds_host.diagnosis.forms.fits import Cause
@@ -22,6 +24,7 @@ from rtds_host.diagnosis.forms.formula import fitted, laws
 from rtds_host.diagnosis.forms.in_place import in_place
 from rtds_host.diagnosis.forms.screen import FormCandidate
 from rtds_host.diagnosis.forms.search import Found, keep_sizes, rivals, searched
+from rtds_host.diagnosis.heldout import held_out
 from rtds_host.diagnosis.likelihood import Likelihood
 from rtds_host.diagnosis.predict import read_diagnosis
 from rtds_host.diagnosis.problem import Problem
@@ -226,7 +229,7 @@ def test_no_form_where_nothing_is_missing():
 def test_no_form_where_the_reported_gap_does_not_meet_the_criterion(monkeypatch, reported):
     # Of 3^2 - 1 = 8 it leaves 6.3, more than three quarters.
     found = SimpleNamespace(forms=["a curve"], notes=["what else was seen"], fit=None)
-    monkeypatch.setattr(forms_package, "searched", lambda *_: found)
+    monkeypatch.setattr(forms_package, "searched_over_both", lambda *_: (None, found))
     monkeypatch.setattr(forms_package, "reported_gap", lambda *_: reported)
     assert forms_of(None, None, 3.0, True) == Forms(notes=["what else was seen"])
 
@@ -560,7 +563,74 @@ def test_what_gave_way_is_no_longer_named_and_the_gap_is_without_it():
     named = search.store.try_fit((cause,), start, nothing)
     before = Attribution(named, nothing, (), {}, (), (((cause,), 1.0),))
     found = Investigation(search.problem, search, before)
-    attribution, held, shapes = without_superseded(found, before, Forms(superseded=(cause,)))
+    left = held_out(search.problem, before)
+    attribution, held, shapes = without_superseded(found, before, left, Forms(superseded=(cause,)))
     assert attribution.included == () and "superseded" in attribution.rejected[cause]
     assert held.gap("after") == held.gap("refit") > 1.5 * search.store.gap(named)
     assert shapes.superseded == (cause,)
+
+
+@pytest.mark.parametrize(("with_all", "kept"), [(2.0, True), (3.9, False), (None, False)])
+def test_nothing_is_superseded_where_other_names_would_fall_and_forms_would_leave_more(monkeypatch, with_all, kept):
+    """Without the friction the drop is no longer included, and a curve next to nothing leaves a gap of 4."""
+    drop, friction = ("bridge_drop", "left"), ("viscous_friction", "left")
+    before = SimpleNamespace(fit=SimpleNamespace(hypothesis=(drop, friction)), included=[])
+    reduced = SimpleNamespace(fit="nothing", included=[])
+    held, left = (SimpleNamespace(gap=lambda _, value=value: value) for value in (6.0, 9.0))
+    found = SimpleNamespace(problem=None, search=SimpleNamespace(quick=True))
+    monkeypatch.setattr(diagnose_module, "without_effects", lambda *_: reduced)
+    monkeypatch.setattr(diagnose_module, "held_out", lambda *_: left)
+    monkeypatch.setattr(
+        diagnose_module,
+        "forms_of",
+        lambda _, fit, after, quick: Forms(gap=4.0) if fit == "nothing" else Forms(gap=with_all),
+    )
+    attribution, gap, shapes = without_superseded(found, before, held, Forms(superseded=(friction,), notes=["tried"]))
+    assert (attribution is before) == kept and (gap is held) == kept
+    assert shapes.gap == (with_all if kept else 4.0) and shapes.superseded == ()
+    assert kept or shapes.notes == ["tried"]
+
+
+def test_several_names_may_stand_in_for_one_curve(monkeypatch):
+    """The two that help least are left out together, then the three."""
+    causes = [("winding_heating", "both"), ("resistance_error", "both"), ("friction_asymmetry", "both")]
+    lacking = dict(zip(causes, (9.0, 3.5, 2.8), strict=True))
+    monkeypatch.setattr(search_module, "HeldOutScore", SimpleNamespace(of=lambda _, gap: SimpleNamespace(gap=gap)))
+    monkeypatch.setattr(search_module, "without_all", lambda problem, fit, sets: sets)
+    assert search_module.fewer(None, None, lacking) == [causes[:0:-1], [causes[2], causes[1], causes[0]]]
+    assert search_module.fewer(None, None, {causes[0]: 9.0}) == []
+
+
+@pytest.mark.parametrize(
+    ("pieces", "gaps_left", "forms", "whole"),
+    [
+        (True, (3.0, 1.2), ["a curve"], True),
+        (True, (3.0, 3.5), ["a curve"], False),
+        (True, (3.0, 3.0), [], False),
+        (True, (1.0, 0.9), ["a curve"], False),
+        (False, (3.0, 1.2), ["a curve"], False),
+    ],
+)
+def test_forms_of_an_axis_in_pieces_are_those_of_whole_runs_where_these_leave_less(
+    monkeypatch, pieces, gaps_left, forms, whole
+):
+    mine, other = (
+        SimpleNamespace(judged=[SimpleNamespace(gap=gap)], forms=found)
+        for gap, found in zip(gaps_left, (["another"], forms), strict=True)
+    )
+    problem = SimpleNamespace(pieces=pieces, case="the case", threads=1)
+    monkeypatch.setattr(horizons, "Problem", lambda case, threads: (case, threads))
+    monkeypatch.setattr(horizons, "moved", lambda to, fit: (to, fit))
+    asked = []
+
+    def searched(to, fit, quick, lacking):
+        asked.append((to, fit, lacking))
+        return mine if to is problem else other
+
+    monkeypatch.setattr(horizons, "searched", searched)
+    cause = ("coulomb_friction", "left")
+    got = horizons.searched_over_both(problem, "a fit", True, {cause: "less"})
+    assert got == ((("the case", 1), other) if whole else (problem, mine))
+    if whole:
+        to = ("the case", 1)
+        assert asked[1] == (to, (to, "a fit"), {cause: (to, "less")})

@@ -15,7 +15,8 @@ from rtds_host.diagnosis.fit import Fit, Fitter, joined
 from rtds_host.diagnosis.forms.curves import Form, put, shapes, sides_of, written
 from rtds_host.diagnosis.forms.fits import STEPS, Cause
 from rtds_host.diagnosis.forms.formula import ENOUGH, fitted, laws, sharpened
-from rtds_host.diagnosis.forms.search import Found, closes, curves_of_superseded, searched, values_of
+from rtds_host.diagnosis.forms.horizons import searched_over_both
+from rtds_host.diagnosis.forms.search import Found, closes, curves_of_superseded, values_of
 from rtds_host.diagnosis.left_out import left_out, parted
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import REPORT_STEP_S, Model, replay_run
@@ -28,13 +29,15 @@ from rtds_host.plant import forms as plant
 class Forms:
     """Forms of a case as a diagnosis has them: `entries`; `gap` on runs left out with them, None without any; `left`:
     the gap before the first and behind each, at the search's steps; `notes`; `fit`: effects, tolerances and forms as
-    they were fitted together, None without any form; `superseded`: named effects that the forms supersede."""
+    they were fitted together to `problem`, None without any form; `superseded`: named effects that the forms
+    supersede."""
 
     entries: list[dict] = field(default_factory=list)
     gap: float | None = None
     left: list[float] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     fit: Fit | None = None
+    problem: Problem | None = None
     superseded: tuple[Cause, ...] = ()
 
     def shared(self, rows: list[dict], after: float) -> list[dict]:
@@ -68,7 +71,7 @@ def forms_of(
     fit : the explanation that a diagnosis names; after : its gap on runs left out, as reported; lacking : the
         explanation without each effect that a form may supersede.
     """
-    found = searched(problem, fit, quick, lacking)
+    problem, found = searched_over_both(problem, fit, quick, lacking)
     if not found.forms:
         return Forms(notes=found.notes)
     gap = reported_gap(problem, found.fit)
@@ -79,15 +82,17 @@ def forms_of(
     refuted = curves_of_superseded(found)
     if found.superseded:
         # What curves close is a share of what the names that are left leave.
-        kept = {cause: u for cause, u in fit.parts.items() if cause not in found.superseded}
-        bare = Fitter(problem, fit.start).fit(*joined(kept), fit.z, fit.noise, STEPS)
+        named = found.judged[0].fit
+        kept = {cause: u for cause, u in named.parts.items() if cause not in found.superseded}
+        bare = Fitter(problem, named.start).fit(*joined(kept), named.z, named.noise, STEPS)
         found.judged[0] = HeldOutScore.of(problem, bare)
     entries = [
         _entry(problem, found, form, side, share, refuted.get(form.id, []))
         for (form, side), share in zip(found.forms, closes(found), strict=True)
     ]
     left = [judged.gap for judged in found.judged]
-    return Forms(entries, gap, left, notes + approximate(problem, found), found.fit, tuple(found.superseded))
+    said = notes + approximate(problem, found)
+    return Forms(entries, gap, left, said, found.fit, problem, tuple(found.superseded))
 
 
 def _superseded_notes(problem: Problem, found: Found) -> list[str]:

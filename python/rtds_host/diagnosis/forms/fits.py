@@ -69,12 +69,17 @@ def without(problem: Problem, fit: Fit, cause: Cause) -> Fit:
 
 def refitted_without(problem: Problem, fit: Fit, causes: Sequence[Cause]) -> list[Fit]:
     """Explanations without one of some parts each, all other parameters fitted again with derivatives of their own."""
+    return without_all(problem, fit, [[cause] for cause in causes])
+
+
+def without_all(problem: Problem, fit: Fit, sets: Sequence[Sequence[Cause]]) -> list[Fit]:
+    """Explanations without all parts of one of some sets each, the others fitted again as in `refitted_without`."""
     problem.follow_angles(True)
     works = []
-    for cause in causes:
+    for gone in sets:
         fitter = Fitter(problem, fit.start)
         fitter.effects = fit.effects
-        hypothesis, start = joined(fit.parts_without(cause))
+        hypothesis, start = joined({cause: u for cause, u in fit.parts.items() if cause not in gone})
         works.append(fitter.fitting(hypothesis, start, fit.z, fit.noise, STEPS, by_nuisance=fit.by_nuisance))
     fits = side_by_side(problem, works)
     problem.follow_angles(False)

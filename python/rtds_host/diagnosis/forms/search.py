@@ -31,6 +31,7 @@ from rtds_host.diagnosis.forms.fits import (
     roughly,
     side_by_side_with,
     without,
+    without_all,
 )
 from rtds_host.diagnosis.forms.formula import ENOUGH
 from rtds_host.diagnosis.forms.screen import FormCandidate, distinct, screened, slopes
@@ -45,6 +46,8 @@ LEAST_GAP = (1.0 + 1e-9) * gaps.LEAST
 # Numerical: forms of each screening that are fitted roughly at each turn, in a narrow search and in a wide one; how
 # many of these to convergence.
 TRIED, FITTED = {True: 4, False: 6}, {True: 2, False: 4}
+# Numerical: forms that are fitted roughly in the place of a name.
+IN_PLACE = 2
 # Numerical: work (`Problem.work`) after which no further form is looked for, with a narrow search and with a wide one:
 # about a quarter of a minute, and a minute and a half. No time, or the answer would hang on the processor.
 MOST_WORK = {True: 1.7e9, False: 1e10}
@@ -84,12 +87,15 @@ def searched(problem: Problem, fit: Fit, quick: bool, lacking: Mapping[Cause, Fi
     found = Found([HeldOutScore.of(problem, fit)])
     known: dict[str, Effect] = dict(fit.effects)
     lacking = lacking or {}
+    bases: list[Fit] = []
+    if found.judged[-1].gap > LEAST_GAP:
+        bases = [*lacking.values(), *fewer(problem, fit, lacking)]
     seen: set[frozenset[Cause]] = {frozenset()}
     while len(found.forms) < plant.MOST_FORMS and found.judged[-1].gap > LEAST_GAP:
         if problem.work - began > MOST_WORK[quick]:
             break
         # In an effect's place only what is left by named effects alone is known.
-        best = _next(problem, found, known, quick, list(lacking.values()) if not found.forms else [])
+        best = _next(problem, found, known, quick, bases if not found.forms else [])
         if best is None:
             break
         candidate, judged = best
@@ -108,15 +114,22 @@ def searched(problem: Problem, fit: Fit, quick: bool, lacking: Mapping[Cause, Fi
     return found
 
 
+def fewer(problem: Problem, fit: Fit, lacking: Mapping[Cause, Fit]) -> list[Fit]:
+    """An explanation without the two of its effects that help least, without the three, and so on: several names may
+    stand in for one curve."""
+    order = sorted(lacking, key=lambda cause: HeldOutScore.of(problem, lacking[cause]).gap)
+    return without_all(problem, fit, [order[:count] for count in range(2, len(order) + 1)])
+
+
 def drop_needless(problem: Problem, found: Found) -> None:
     """Drop forms that are not supported next to the latest one."""
     found.judged, found.forms = eliminated(problem, found.judged, found.forms)
 
 
 def keep_sizes(problem: Problem, found: Found) -> None:
-    """Give effects whose larger part the curves can make the sizes that they have without any: how much of the sum is
-    the effect's no run says, and a curve is what names leave. Curves that held-out runs no longer support then are no
-    forms, and they supersede no name."""
+    """Give effects whose larger part the curves can make the sizes that they have without any, unless other sizes leave
+    clearly less: how much of the sum is the effect's no run says, and a curve is what names leave. Curves that held-out
+    runs no longer support then are no forms, and they supersede no name."""
     before, now = found.judged[0].fit, found.fit
     parts, held = now.parts, []
     for cause in before.hypothesis:
@@ -139,6 +152,8 @@ def keep_sizes(problem: Problem, found: Found) -> None:
     fit = fitter.fit(hypothesis, start, now.z, now.noise, STEPS, by_nuisance=now.by_nuisance, held=held)
     problem.follow_angles(False)
     kept = HeldOutScore.of(problem, renewed(problem, fit))
+    if pooled(found.judged[-1], kept) <= MAX_RESIDUAL_RATIO:
+        return  # the runs do say how much of the sum is the effect's
     if pooled(kept, found.judged[0]) <= MAX_RESIDUAL_RATIO:
         found.judged[-1] = kept
     else:
@@ -162,7 +177,7 @@ def _next(
         (base, one)
         for base in (now.fit, *lacking)
         for fit in (base, replace(base, noise=problem.white()))
-        for one in distinct(screened(problem, fit, known_slopes))[: TRIED[quick] if base is now.fit else 1]
+        for one in distinct(screened(problem, fit, known_slopes))[: TRIED[quick] if base is now.fit else IN_PLACE]
         if one.left < 1.0
     ]
     tried = list({(base.hypothesis, one.form, one.side): (base, one) for base, one in tried}.values())
