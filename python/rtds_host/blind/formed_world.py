@@ -21,10 +21,11 @@ from rtds_host.blind.scales import Scale, scale_of
 from rtds_host.compat import tomllib
 
 LEFT_GAP = (1.6, 6.0)  # what the best fit of the catalogue leaves
-MOST_RUNS, LONGEST_S = 5, 10.0
+MOST_RUNS, LONGEST_S = 4, 6.0
 CONSTANTS = 0.01  # one sigma of R, K, J and B of each motor, relative
 ROUNDS = 60
 TRIES = 6  # of a curve's size
+FIT_ROUNDS = 4
 CLOSE = 1.15  # a size is right where its gap is within this factor of the one wanted
 FIRST, LARGEST = 0.03, 0.4  # of a curve, as a share of what is large of its term
 # Knobs of the nearest machine: parameter of the planar world and its unit, by what is large of the term.
@@ -207,13 +208,20 @@ def _drawn(rng: np.random.Generator, robot, spec: dict) -> bool:
 
 
 def _measured(rng: np.random.Generator, robot, spec: dict, model: hard.Nearest) -> bool:
-    """Fit the nearest machine to the truth and write `spec["left"]`, see `hard.account`; effects that do not matter are
-    dropped. False where what is left is out of range or none of the effects matters."""
+    """Fit the nearest machine to the truth and write `spec["left"]`, see `hard.account`.
+
+    False where what is left is out of range, or where an effect does not matter: its own change of the truth, less what
+    all other knobs make up for, has to be as large as what is left.
+    """
     truth, fresh = (hard.Truth(rng, robot, spec, spec[which]) for which in ("runs", "held_out"))
-    fit = hard.fitted(model, truth.errors, rounds=hard.LEAST_ROUNDS)
+    fit = hard.fitted(model, truth.errors, rounds=FIT_ROUNDS)
     if not LEFT_GAP[0] < math.sqrt(1.0 + fit.left) < 1.5 * LEFT_GAP[1]:
         return False
-    left_out = {effect["id"]: hard.without(model, truth.errors, fit, effect["id"]) for effect in spec["effects"]}
+    left_out = {}
+    for effect in spec["effects"]:
+        others = [one for one in spec["effects"] if one is not effect]
+        change = truth.errors(planar.build_machine(robot, {**spec, "effects": others}, rng))
+        left_out[effect["id"]] = fit.left + hard.own_change(model, fit, change, effect["id"])
     if min(left_out.values()) < (1.0 + hard.MATTERS) * fit.left:
         return False
     (form,) = spec["forms"]
