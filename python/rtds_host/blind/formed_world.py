@@ -5,7 +5,7 @@ asks whether a diagnoser finds functions that nobody wrote down.
 
 How much of the curve no name makes up for is measured as in `hard.py`. The nearest machine of the catalogue has the
 constants, the effects' own sizes and the effects that lie in the curve's equation as knobs. The curve is made so large
-that the best fit of this machine leaves a gap of `LEFT_GAP`.
+that the best fit of this machine leaves a gap of about `LEFT_GAP`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,9 @@ from rtds_host.blind.accounts import draw_causes
 from rtds_host.blind.scales import Scale, scale_of
 from rtds_host.compat import tomllib
 
-LEFT_GAP = (1.6, 6.0)  # what the best fit of the catalogue leaves
+LEFT_GAP = (1.6, 6.0)  # what the best fit of the catalogue is to leave
+KEPT_GAP = (1.3, 9.0)  # what it may leave
+ROOM = 1.3  # an effect's own change, over what is left, when a curve's size is drawn
 MOST_RUNS, LONGEST_S = 4, 6.0
 CONSTANTS = 0.01  # one sigma of R, K, J and B of each motor, relative
 ROUNDS = 60
@@ -189,8 +191,13 @@ def _drawn(rng: np.random.Generator, robot, spec: dict) -> bool:
         return False
     made = draw_curve(rng, robot, law, low, high)
     model = nearest(robot, spec, law, of, high)
-    wanted = math.exp(rng.uniform(*np.log(LEFT_GAP))) ** 2 - 1.0
     fit = hard.fitted(model, known.errors, rounds=1)
+    most_left = min(_own_changes(rng, robot, spec, model, fit, known).values()) / ROOM
+    if most_left < LEFT_GAP[0] ** 2 - 1.0:
+        return False
+    wanted = (
+        math.exp(rng.uniform(math.log(LEFT_GAP[0]), math.log(min(LEFT_GAP[1], math.sqrt(1.0 + most_left))))) ** 2 - 1.0
+    )
     size, most = FIRST * large(law, of, high), LARGEST * large(law, of, high)
     for _ in range(TRIES):
         spec["forms"] = [made(size)]
@@ -207,6 +214,18 @@ def _drawn(rng: np.random.Generator, robot, spec: dict) -> bool:
     return _measured(rng, robot, spec, model)
 
 
+def _own_changes(
+    rng: np.random.Generator, robot, spec: dict, model: hard.Nearest, fit: hard.Fit, truth: hard.Truth
+) -> dict[str, float]:
+    """Sum of squares of each effect's own change of the truth that no knob of the others makes up for."""
+    found = {}
+    for effect in spec["effects"]:
+        others = [one for one in spec["effects"] if one is not effect]
+        change = truth.errors(planar.build_machine(robot, {**spec, "effects": others}, rng))
+        found[effect["id"]] = hard.own_change(model, fit, change, effect["id"])
+    return found
+
+
 def _measured(rng: np.random.Generator, robot, spec: dict, model: hard.Nearest) -> bool:
     """Fit the nearest machine to the truth and write `spec["left"]`, see `hard.account`.
 
@@ -215,13 +234,10 @@ def _measured(rng: np.random.Generator, robot, spec: dict, model: hard.Nearest) 
     """
     truth, fresh = (hard.Truth(rng, robot, spec, spec[which]) for which in ("runs", "held_out"))
     fit = hard.fitted(model, truth.errors, rounds=FIT_ROUNDS)
-    if not LEFT_GAP[0] < math.sqrt(1.0 + fit.left) < 1.5 * LEFT_GAP[1]:
+    if not KEPT_GAP[0] < math.sqrt(1.0 + fit.left) < KEPT_GAP[1]:
         return False
-    left_out = {}
-    for effect in spec["effects"]:
-        others = [one for one in spec["effects"] if one is not effect]
-        change = truth.errors(planar.build_machine(robot, {**spec, "effects": others}, rng))
-        left_out[effect["id"]] = fit.left + hard.own_change(model, fit, change, effect["id"])
+    own = _own_changes(rng, robot, spec, model, fit, truth)
+    left_out = {name: fit.left + change for name, change in own.items()}
     if min(left_out.values()) < (1.0 + hard.MATTERS) * fit.left:
         return False
     (form,) = spec["forms"]

@@ -99,9 +99,9 @@ def spec():
 def test_the_nearest_machine_leaves_the_curve(spec):
     (form,) = spec["forms"]
     truth = hard.account(spec)
-    low, high = formed_world.LEFT_GAP
-    assert low <= truth["gap"]["known"] <= 1.5 * high
-    assert low - 0.3 <= truth["forms"][0]["gap_beyond_names"] <= 1.5 * high
+    low, high = formed_world.KEPT_GAP
+    assert low <= truth["gap"]["known"] <= high
+    assert truth["forms"][0]["gap_beyond_names"] > 1.2
     assert truth["forms"][0]["equation"] == curve.LAWS[form["id"]][0] and not truth["forms"][0]["matters"]
     for effect in truth["effects"]:
         assert effect["gap_without"] ** 2 - 1 > 1.9 * (truth["gap"]["known"] ** 2 - 1)
