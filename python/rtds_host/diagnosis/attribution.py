@@ -94,7 +94,16 @@ def without_effects(search: Search, before: Attribution, removed: dict[Cause, st
     kept = {cause: u for cause, u in before.fit.parts.items() if cause not in removed}
     if not kept:
         return Attribution(base, base, (), rejected, (), _alternatives(store, base, [], []))
-    return _eliminated(search, store.try_fit(*joined(kept), before.fit), rejected)
+    return _eliminated(search, _predicting_best(store, store.try_fit(*joined(kept), before.fit)), rejected)
+
+
+def _predicting_best(store: Store, fit: Fit) -> Fit:
+    """Of the local optima of an explanation the one that leaves least of held-out runs, where a gap remains."""
+    if store.within_noise(fit):
+        return fit
+    (optima,) = store.local_optima([fit])
+    best = min(optima, key=lambda one: left_out_gap(store.problem, one))
+    return best if best is fit else replace(best, noise=store.problem.white().estimated(best.residual))
 
 
 def _eliminated(search: Search, fit: Fit, rejected: dict[Cause, str]) -> Attribution:

@@ -46,6 +46,8 @@ LEAST_GAP = (1.0 + 1e-9) * gaps.LEAST
 # Numerical: forms of each screening that are fitted roughly at each turn, in a narrow search and in a wide one; how
 # many of these to convergence.
 TRIED, FITTED = {True: 4, False: 6}, {True: 2, False: 4}
+# Numerical: parts of the way from an effect's size next to curves to its size without any.
+PARTS = 3
 # Numerical: forms that are fitted roughly in the place of a name.
 IN_PLACE = 2
 # Numerical: work (`Problem.work`) after which no further form is looked for, with a narrow search and with a wide one:
@@ -131,33 +133,50 @@ def keep_sizes(problem: Problem, found: Found) -> None:
     clearly less: how much of the sum is the effect's no run says, and a curve is what names leave. Curves that held-out
     runs no longer support then are no forms, and they supersede no name."""
     before, now = found.judged[0].fit, found.fit
-    parts, held = now.parts, []
-    for cause in before.hypothesis:
-        way = _made_by_curves(found, cause, 1.0 - MAJORITY) if cause in parts else None
-        if way is None:
-            continue
-        held.append(cause)
-        at = 0
-        for form, side in found.forms:
-            own = len(parts[form.id, side])
-            parts[form.id, side] = parts[form.id, side] + way[at : at + own] @ (now.parts[cause] - before.parts[cause])
-            at += own
-        parts[cause] = before.parts[cause]
+    held = [
+        cause
+        for cause in before.hypothesis
+        if cause in now.parts and _made_by_curves(found, cause, 1.0 - MAJORITY) is not None
+    ]
     if not held:
         return
-    fitter = Fitter(problem, now.start)
-    fitter.effects = now.effects
-    hypothesis, start = joined(parts)
-    problem.follow_angles(True)
-    fit = fitter.fit(hypothesis, start, now.z, now.noise, STEPS, by_nuisance=now.by_nuisance, held=held)
-    problem.follow_angles(False)
-    kept = HeldOutScore.of(problem, renewed(problem, fit))
-    if pooled(found.judged[-1], kept) <= MAX_RESIDUAL_RATIO:
+    kept = HeldOutScore.of(problem, renewed(problem, _with_sizes_of(problem, found, held)))
+    shapes_of_curves = [cause for cause in held if _made_by_curves(found, cause, MINOR_SHARE) is not None]
+    if not shapes_of_curves and pooled(found.judged[-1], kept) <= MAX_RESIDUAL_RATIO:
         return  # the runs do say how much of the sum is the effect's
     if pooled(kept, found.judged[0]) <= MAX_RESIDUAL_RATIO:
         found.judged[-1] = kept
     else:
         del found.judged[1:], found.forms[:], found.superseded[:]
+
+
+def _with_sizes_of(problem: Problem, found: Found, held: Sequence[Cause]) -> Fit:
+    """The fit with forms, but some effects at their sizes without any; what they change the curves take over.
+
+    In parts of the way, since the derivatives by which the curves do so hold near where they were taken.
+    """
+    before, fit = found.judged[0].fit, found.fit
+    target = {cause: before.parts[cause] for cause in held}
+    curves = [(form.id, side) for form, side in found.forms]
+    fitter = Fitter(problem, fit.start)
+    fitter.effects = fit.effects
+    problem.follow_angles(True)
+    for turn in range(PARTS):
+        parts, root = fit.parts, np.ones(len(fit.residual)) if fit.noise.root is None else fit.noise.root
+        made = root[:, None] * np.hstack([fit.columns[one] for one in curves])
+        for cause in held:
+            moved = (target[cause] - parts[cause]) / (PARTS - turn)
+            way, *_ = np.linalg.lstsq(made, root * (fit.columns[cause] @ moved), rcond=1e-6)
+            at = 0
+            for one in curves:
+                own = len(parts[one])
+                parts[one] = parts[one] - way[at : at + own]
+                at += own
+            parts[cause] = parts[cause] + moved
+        hypothesis, start = joined(parts)
+        fit = fitter.fit(hypothesis, start, fit.z, fit.noise, STEPS, by_nuisance=fit.by_nuisance, held=held)
+    problem.follow_angles(False)
+    return fit
 
 
 def _next(
