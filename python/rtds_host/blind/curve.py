@@ -43,6 +43,7 @@ LAWS = {
     "current_over_current": ("current_sensor", "i", "sensing", ("current_gain", "current_bias")),
     "gyro_over_yaw_rate": ("gyro_sensor", "yaw_rate", "sensing", ("gyro_gain", "gyro_bias")),
 }
+CODES = {law: k for k, law in enumerate(LAWS, 1)}
 (
     VOLTAGE_COMMAND,
     VOLTAGE_CURRENT,
@@ -56,7 +57,7 @@ LAWS = {
     SPEED_READING,
     CURRENT_READING,
     GYRO_READING,
-) = range(1, len(LAWS) + 1)
+) = CODES.values()
 # Laws that only take energy out, and those of the body as a whole.
 PASSIVE = ("voltage_over_current", "torque_over_speed", "yaw_torque_over_yaw_rate", "force_over_speed")
 WHOLE = ("yaw_torque_over_yaw_rate", "force_over_speed", "force_over_place", "gyro_over_yaw_rate")

@@ -95,26 +95,20 @@ def _range(law: str, robot, truth: hard.Truth) -> tuple[float, float]:
 def draw_curve(rng: np.random.Generator, robot, law: str, low: float, high: float) -> Callable[[float], dict]:
     """A random law on a random side: its size in its term's unit -> the form as a spec has it."""
     shape = curve.draw_shape(rng, law, low, high)
-    side = (
-        "left"
-        if robot.axis is not None
-        else "both"
-        if law in curve.WHOLE
-        else str(rng.choice(["both", "left", "right"]))
-    )
+    sides = ["left"] if robot.axis is not None else ["both"] if law in curve.WHOLE else ["both", "left", "right"]
+    side = str(rng.choice(sides)) if len(sides) > 1 else sides[0]
     sign = 1.0 if law in (*curve.PASSIVE, "damping_over_time") else float(rng.choice([-1.0, 1.0]))
     equation, quantity, place, names = curve.LAWS[law]
 
     def made(size: float) -> dict:
         values = [float(f"{value:.5g}") for value in sign * size * shape]
-        code = float(list(curve.LAWS).index(law) + 1)
         return {
             "id": law,
             "side": side,
             "subsystem": place,
             "equation": equation,
             "over": quantity,
-            "parameters": {"curve": [code, low, high, *values]},
+            "parameters": {"curve": [curve.CODES[law], low, high, *values]},
             "names": list(names),
         }
 
@@ -195,9 +189,8 @@ def _drawn(rng: np.random.Generator, robot, spec: dict) -> bool:
     most_left = min(_own_changes(rng, robot, spec, model, fit, known).values()) / ROOM
     if most_left < LEFT_GAP[0] ** 2 - 1.0:
         return False
-    wanted = (
-        math.exp(rng.uniform(math.log(LEFT_GAP[0]), math.log(min(LEFT_GAP[1], math.sqrt(1.0 + most_left))))) ** 2 - 1.0
-    )
+    largest = min(LEFT_GAP[1], math.sqrt(1.0 + most_left))
+    wanted = math.exp(rng.uniform(math.log(LEFT_GAP[0]), math.log(largest))) ** 2 - 1.0
     size, most = FIRST * large(law, of, high), LARGEST * large(law, of, high)
     for _ in range(TRIES):
         spec["forms"] = [made(size)]
@@ -241,21 +234,11 @@ def _measured(rng: np.random.Generator, robot, spec: dict, model: hard.Nearest) 
     if min(left_out.values()) < (1.0 + hard.MATTERS) * fit.left:
         return False
     (form,) = spec["forms"]
-    plain = planar.build_machine(robot, {**spec, "effects": [], "forms": []}, rng)
     less = planar.build_machine(robot, {**spec, "forms": []}, rng)
-
-    def gap(square: float) -> float:
-        return round(math.sqrt(1.0 + square), 4)
-
-    def gaps(of: hard.Truth, known: float) -> dict[str, float]:
-        before, refit = (float(np.sum(of.errors(machine) ** 2)) for machine in (planar.nominal_machine(robot), plain))
-        return {"before": gap(before), "refit": gap(refit), "known": gap(known)}
-
     spec["left"] = {
-        "gap": gaps(truth, fit.left),
-        "held_out_gap": gaps(fresh, float(np.sum(fresh.errors(model.machine(fit.at)) ** 2))),
-        "without": {name: gap(square) for name, square in left_out.items()},
-        "beyond": {form["id"]: gap(fit.apart(truth.errors(less)))},
+        **hard.gaps_of(rng, robot, spec, truth, fresh, fit.left, model.machine(fit.at), 1.0),
+        "without": {name: hard.gap_of(square) for name, square in left_out.items()},
+        "beyond": {form["id"]: hard.gap_of(fit.apart(truth.errors(less)))},
         "asked": [],
     }
     return True

@@ -471,7 +471,6 @@ def _measured(rng: np.random.Generator, robot, spec: dict) -> bool:
     of each form is beyond all numbers of the nearest machine.
     """
     truth, fresh = (Truth(rng, robot, spec, spec[which]) for which in ("runs", "held_out"))
-    plain = planar.build_machine(robot, {**spec, "effects": [], "forms": []}, rng)
     model = nearest(robot, spec["constants"], spec["forms"], spec["effects"])
     fit = fitted(model, truth.errors, rounds=LEAST_ROUNDS)
     nominal = float(np.sum(truth.errors(planar.nominal_machine(robot)) ** 2))
@@ -491,18 +490,10 @@ def _measured(rng: np.random.Generator, robot, spec: dict) -> bool:
             left_out[form["id"]] = without(model, truth.errors, fit, form["id"])
     spec["robot"] = with_noise(spec["robot"], factor)
 
-    def gap(square: float) -> float:
-        return round(math.sqrt(1.0 + square / factor**2), 4)
-
-    def gaps(of: Truth, known: float) -> dict[str, float]:
-        before, refit = (float(np.sum(of.errors(machine) ** 2)) for machine in (planar.nominal_machine(robot), plain))
-        return {"before": gap(before), "refit": gap(refit), "known": gap(known)}
-
     spec["left"] = {
-        "gap": gaps(truth, fit.left),
-        "held_out_gap": gaps(fresh, float(np.sum(fresh.errors(model.machine(fit.at)) ** 2))),
-        "without": {name: gap(square) for name, square in left_out.items()},
-        "beyond": {name: gap(square) for name, square in beyond.items()},
+        **gaps_of(rng, robot, spec, truth, fresh, fit.left, model.machine(fit.at), factor),
+        "without": {name: gap_of(square / factor**2) for name, square in left_out.items()},
+        "beyond": {name: gap_of(square / factor**2) for name, square in beyond.items()},
         "asked": [
             name
             for name, square in left_out.items()
@@ -510,6 +501,45 @@ def _measured(rng: np.random.Generator, robot, spec: dict) -> bool:
         ],
     }
     return True
+
+
+def gap_of(square: float) -> float:
+    """The gap of residuals with a sum of squares, as `residual` weighs them."""
+    return round(math.sqrt(1.0 + square), 4)
+
+
+def gaps_of(
+    rng: np.random.Generator,
+    robot,
+    spec: dict,
+    truth: Truth,
+    fresh: Truth,
+    left: float,
+    best: planar.Machine,
+    factor: float,
+) -> dict[str, dict[str, float]]:
+    """Gaps of a case's runs, `truth`, and of the held-out ones, `fresh`.
+
+    Parameters
+    ----------
+    left : sum of squares that the nearest machine leaves of the case's runs; best : that machine; factor : of the
+        sensors' noise.
+
+    Returns
+    -------
+    {"gap", "held_out_gap"}, each {"before", "refit", "known"}: of the nominal robot, of one with the right constants,
+    and of the nearest machine.
+    """
+    plain = planar.build_machine(robot, {**spec, "effects": [], "forms": []}, rng)
+
+    def gaps(of: Truth, known: float) -> dict[str, float]:
+        before, refit = (float(np.sum(of.errors(machine) ** 2)) for machine in (planar.nominal_machine(robot), plain))
+        return {name: gap_of(x / factor**2) for name, x in (("before", before), ("refit", refit), ("known", known))}
+
+    return {
+        "gap": gaps(truth, left),
+        "held_out_gap": gaps(fresh, float(np.sum(fresh.errors(best) ** 2))),
+    }
 
 
 def account(spec: dict) -> dict:

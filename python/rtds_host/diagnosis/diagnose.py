@@ -334,15 +334,12 @@ def without_superseded(
     kept = {one.cause for one in reduced.included}
     if kept == {cause for cause in attribution.fit.hypothesis if cause not in shapes.superseded}:
         return reduced, left, shapes
-    again, whole = (
-        forms_of(problem, one.fit, gap.gap("after"), quick) for one, gap in ((reduced, left), (attribution, held))
-    )
-    without, with_all = (
-        one.gap if one.gap is not None else gap.gap("after") for one, gap in ((again, left), (whole, held))
-    )
-    if with_all**2 - 1.0 <= MAX_RESIDUAL_RATIO * (without**2 - 1.0):
+    next_to_few, next_to_all = left.gap("after"), held.gap("after")
+    few = forms_of(problem, reduced.fit, next_to_few, quick)
+    whole = forms_of(problem, attribution.fit, next_to_all, quick)
+    if whole.leaves(next_to_all) ** 2 - 1.0 <= MAX_RESIDUAL_RATIO * (few.leaves(next_to_few) ** 2 - 1.0):
         return attribution, held, whole
-    return reduced, left, replace(again, notes=shapes.notes + again.notes)
+    return reduced, left, replace(few, notes=shapes.notes + few.notes)
 
 
 def _missing(store: Store, fit: Fit) -> list[np.ndarray]:

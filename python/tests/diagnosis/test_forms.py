@@ -591,7 +591,7 @@ def test_nothing_is_superseded_where_other_names_would_fall_and_forms_would_leav
     assert kept or shapes.notes == ["tried"]
 
 
-def test_several_names_may_stand_in_for_one_curve(monkeypatch):
+def test_several_names_may_replace_one_curve(monkeypatch):
     """The two that help least are left out together, then the three."""
     causes = [("winding_heating", "both"), ("resistance_error", "both"), ("friction_asymmetry", "both")]
     lacking = dict(zip(causes, (9.0, 3.5, 2.8), strict=True))
@@ -620,7 +620,7 @@ def test_forms_of_an_axis_in_pieces_are_those_of_whole_runs_where_these_leave_le
     )
     problem = SimpleNamespace(pieces=pieces, case="the case", threads=1)
     monkeypatch.setattr(horizons, "Problem", lambda case, threads: (case, threads))
-    monkeypatch.setattr(horizons, "moved", lambda to, fit: (to, fit))
+    monkeypatch.setattr(horizons, "fitted_to", lambda to, fit: (to, fit))
     asked = []
 
     def searched(to, fit, quick, lacking):
@@ -634,3 +634,16 @@ def test_forms_of_an_axis_in_pieces_are_those_of_whole_runs_where_these_leave_le
     if whole:
         to = ("the case", 1)
         assert asked[1] == (to, (to, "a fit"), {cause: (to, "less")})
+
+
+@pytest.mark.parametrize(("over", "pushes"), [("x", (1.0, 0.0, -1.0)), ("y", (0.0, 1.0, 0.0)), ("speed", (1.0,) * 3)])
+def test_a_force_over_the_place_pushes_along_that_axis_and_others_along_the_way(over, pushes):
+    """A floor that falls along x drives a robot that goes that way, and brakes one that comes back."""
+    rows = plant.no_forms()[0]
+    rows[0, : plant.VALUES] = plant.TERM_CODE["force"], plant.OVER_CODE[over], -1.0, 1.0, 0.0
+    plant.values_in(rows[0])[:] = 2.5
+    acts, quantities = np.zeros(plant.ACTS), np.zeros(plant.ABOUT)
+    for heading, share in zip((0.0, np.pi / 2, np.pi), pushes, strict=True):
+        quantities[plant.OVER_CODE["yaw"] - 1] = heading
+        plant.act(rows, quantities, np.zeros(plant.PAST), acts)
+        assert acts[plant.PUSH] == pytest.approx(2.5 * share, abs=1e-12)

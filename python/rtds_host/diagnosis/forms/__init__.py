@@ -40,6 +40,10 @@ class Forms:
     problem: Problem | None = None
     superseded: tuple[Cause, ...] = ()
 
+    def leaves(self, after: float) -> float:
+        """The gap on runs left out with forms, or that with effects alone, `after`, where there is none."""
+        return after if self.gap is None else self.gap
+
     def shared(self, rows: list[dict], after: float) -> list[dict]:
         """The contract's `budget` with forms: what they close is taken off what was left without a name."""
         if not self.entries or self.gap is None or after**2 <= 1.0:

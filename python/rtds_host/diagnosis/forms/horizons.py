@@ -28,14 +28,14 @@ def searched_over_both(
     if not problem.pieces or found.judged[-1].gap <= LEAST_GAP:
         return problem, found
     whole = Problem(problem.case, problem.threads)
-    without = {cause: moved(whole, one) for cause, one in (lacking or {}).items()}
-    by_runs = searched(whole, moved(whole, fit), quick, without)
+    without = {cause: fitted_to(whole, one) for cause, one in (lacking or {}).items()}
+    by_runs = searched(whole, fitted_to(whole, fit), quick, without)
     if by_runs.forms and by_runs.judged[-1].gap < found.judged[-1].gap:
         return whole, by_runs
     return problem, found
 
 
-def moved(problem: Problem, fit: Fit) -> Fit:
+def fitted_to(problem: Problem, fit: Fit) -> Fit:
     """An explanation fitted to another problem of the same case, from the sizes that it has."""
     fitter = Fitter(problem, fit.start)
     fitter.effects = fit.effects

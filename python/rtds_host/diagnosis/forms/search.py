@@ -44,12 +44,10 @@ from rtds_host.plant import forms as plant
 # above by more than rounding leaves anything to look for.
 LEAST_GAP = (1.0 + 1e-9) * gaps.LEAST
 # Numerical: forms of each screening that are fitted roughly at each turn, in a narrow search and in a wide one; how
-# many of these to convergence.
+# many of these to convergence. Of a screening in the place of names as many are fitted roughly.
 TRIED, FITTED = {True: 4, False: 6}, {True: 2, False: 4}
 # Numerical: parts of the way from an effect's size next to curves to its size without any.
 PARTS = 3
-# Numerical: forms that are fitted roughly in the place of a name.
-IN_PLACE = 2
 # Numerical: work (`Problem.work`) after which no further form is looked for, with a narrow search and with a wide one:
 # about a quarter of a minute, and a minute and a half. No time, or the answer would hang on the processor.
 MOST_WORK = {True: 1.7e9, False: 1e10}
@@ -118,7 +116,7 @@ def searched(problem: Problem, fit: Fit, quick: bool, lacking: Mapping[Cause, Fi
 
 def fewer(problem: Problem, fit: Fit, lacking: Mapping[Cause, Fit]) -> list[Fit]:
     """An explanation without the two of its effects that help least, without the three, and so on: several names may
-    stand in for one curve."""
+    replace one curve."""
     order = sorted(lacking, key=lambda cause: HeldOutScore.of(problem, lacking[cause]).gap)
     return without_all(problem, fit, [order[:count] for count in range(2, len(order) + 1)])
 
@@ -140,7 +138,9 @@ def keep_sizes(problem: Problem, found: Found) -> None:
     ]
     if not held:
         return
-    kept = HeldOutScore.of(problem, renewed(problem, _with_sizes_of(problem, found, held)))
+    # Along a bent way in parts, along a straight one at once: a fit after each part may end elsewhere.
+    fits = [_with_sizes_of(problem, found, held, parts) for parts in (1, PARTS)]
+    kept = min((HeldOutScore.of(problem, renewed(problem, fit)) for fit in fits), key=lambda one: one.gap)
     shapes_of_curves = [cause for cause in held if _made_by_curves(found, cause, MINOR_SHARE) is not None]
     if not shapes_of_curves and pooled(found.judged[-1], kept) <= MAX_RESIDUAL_RATIO:
         return  # the runs do say how much of the sum is the effect's
@@ -150,33 +150,33 @@ def keep_sizes(problem: Problem, found: Found) -> None:
         del found.judged[1:], found.forms[:], found.superseded[:]
 
 
-def _with_sizes_of(problem: Problem, found: Found, held: Sequence[Cause]) -> Fit:
+def _with_sizes_of(problem: Problem, found: Found, held: Sequence[Cause], parts: int) -> Fit:
     """The fit with forms, but some effects at their sizes without any; what they change the curves take over.
 
-    In parts of the way, since the derivatives by which the curves do so hold near where they were taken.
+    parts : of the way, with a fit after each, since the derivatives by which the curves do so hold near where they were
+        taken.
     """
     before, fit = found.judged[0].fit, found.fit
-    target = {cause: before.parts[cause] for cause in held}
     curves = [(form.id, side) for form, side in found.forms]
+    ends = np.cumsum([len(fit.parts[one]) for one in curves])
     fitter = Fitter(problem, fit.start)
     fitter.effects = fit.effects
     problem.follow_angles(True)
-    for turn in range(PARTS):
-        parts, root = fit.parts, np.ones(len(fit.residual)) if fit.noise.root is None else fit.noise.root
-        made = root[:, None] * np.hstack([fit.columns[one] for one in curves])
-        for cause in held:
-            moved = (target[cause] - parts[cause]) / (PARTS - turn)
-            way, *_ = np.linalg.lstsq(made, root * (fit.columns[cause] @ moved), rcond=1e-6)
-            at = 0
-            for one in curves:
-                own = len(parts[one])
-                parts[one] = parts[one] - way[at : at + own]
-                at += own
-            parts[cause] = parts[cause] + moved
-        hypothesis, start = joined(parts)
+    for left in range(parts, 0, -1):
+        now, root = fit.parts, _root(fit)
+        moves = {cause: (before.parts[cause] - now[cause]) / left for cause in held}
+        change = sum((fit.columns[cause] @ move for cause, move in moves.items()), np.zeros(len(root)))
+        way, *_ = np.linalg.lstsq(root[:, None] * np.hstack([fit.columns[one] for one in curves]), root * change, 1e-6)
+        taken_over = {one: now[one] - part for one, part in zip(curves, np.split(way, ends[:-1]), strict=True)}
+        hypothesis, start = joined({**now, **taken_over, **{cause: now[cause] + moves[cause] for cause in held}})
         fit = fitter.fit(hypothesis, start, fit.z, fit.noise, STEPS, by_nuisance=fit.by_nuisance, held=held)
     problem.follow_angles(False)
     return fit
+
+
+def _root(fit: Fit) -> np.ndarray:
+    """Roots (N,) of the weights that a fit's residuals have."""
+    return np.ones(len(fit.residual)) if fit.noise.root is None else fit.noise.root
 
 
 def _next(
@@ -196,7 +196,7 @@ def _next(
         (base, one)
         for base in (now.fit, *lacking)
         for fit in (base, replace(base, noise=problem.white()))
-        for one in distinct(screened(problem, fit, known_slopes))[: TRIED[quick] if base is now.fit else IN_PLACE]
+        for one in distinct(screened(problem, fit, known_slopes))[: TRIED[quick] if base is now.fit else FITTED[quick]]
         if one.left < 1.0
     ]
     tried = list({(base.hypothesis, one.form, one.side): (base, one) for base, one in tried}.values())
@@ -388,7 +388,7 @@ def _made_by_curves(found: Found, cause: Cause, most: float) -> np.ndarray | Non
     """Coefficients of the curves, (n, p), that do what an effect's p parameters do; None where these miss more than
     `most` of its square."""
     now = found.fit
-    root = np.ones(len(now.residual)) if now.noise.root is None else now.noise.root
+    root = _root(now)
     change = root[:, None] * found.judged[0].fit.columns[cause]
     curves = root[:, None] * np.hstack([now.columns[form.id, side] for form, side in found.forms])
     way, *_ = np.linalg.lstsq(curves, change, rcond=1e-6)
