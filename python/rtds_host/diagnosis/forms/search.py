@@ -138,7 +138,7 @@ def keep_sizes(problem: Problem, found: Found) -> None:
     ]
     if not held:
         return
-    # Along a bent way in parts, along a straight one at once: a fit after each part may end elsewhere.
+    # Derivatives hold near where they were taken: one step goes by those at its end, parts by those at each start.
     fits = [_with_sizes_of(problem, found, held, parts) for parts in (1, PARTS)]
     kept = min((HeldOutScore.of(problem, renewed(problem, fit)) for fit in fits), key=lambda one: one.gap)
     shapes_of_curves = [cause for cause in held if _made_by_curves(found, cause, MINOR_SHARE) is not None]
@@ -153,8 +153,7 @@ def keep_sizes(problem: Problem, found: Found) -> None:
 def _with_sizes_of(problem: Problem, found: Found, held: Sequence[Cause], parts: int) -> Fit:
     """The fit with forms, but some effects at their sizes without any; what they change the curves take over.
 
-    parts : of the way, with a fit after each, since the derivatives by which the curves do so hold near where they were
-        taken.
+    parts : of the way, with a fit after each; a single one goes by the effects' derivatives at its end.
     """
     before, fit = found.judged[0].fit, found.fit
     curves = [(form.id, side) for form, side in found.forms]
@@ -165,7 +164,8 @@ def _with_sizes_of(problem: Problem, found: Found, held: Sequence[Cause], parts:
     for left in range(parts, 0, -1):
         now, root = fit.parts, _root(fit)
         moves = {cause: (before.parts[cause] - now[cause]) / left for cause in held}
-        change = sum((fit.columns[cause] @ move for cause, move in moves.items()), np.zeros(len(root)))
+        columns = before.columns if parts == 1 else fit.columns
+        change = sum((columns[cause] @ move for cause, move in moves.items()), np.zeros(len(root)))
         way, *_ = np.linalg.lstsq(root[:, None] * np.hstack([fit.columns[one] for one in curves]), root * change, 1e-6)
         taken_over = {one: now[one] - part for one, part in zip(curves, np.split(way, ends[:-1]), strict=True)}
         hypothesis, start = joined({**now, **taken_over, **{cause: now[cause] + moves[cause] for cause in held}})
