@@ -172,7 +172,7 @@ class Robot:
     servo: Servo | None
     sensors: dict[str, float] = field(default_factory=dict)
     notices: tuple[str, ...] = field(default=(), compare=False)
-    rounded_noise: dict[str, float] = field(default_factory=dict, compare=False)
+    rounding: dict[str, float] = field(default_factory=dict, compare=False)
     noise_ratio: float = field(default=1.0, compare=False)
     encoder: str | None = None
     tolerance: dict[str, float] = field(default_factory=dict)
@@ -205,11 +205,11 @@ class Robot:
     def noise(self, channel: str) -> float | None:
         """One standard deviation of white noise on a sample of `channel`, or None where it is not declared.
 
-        Where a log was looked at, with what rounding adds to it (`rounded_noise`, by channel), and times the noise that
-        its samples show over that (`noise_ratio`).
+        Where a log was looked at: the declared one times the ratio that its samples show (`noise_ratio`), and what
+        rounding adds to it (`rounding`, by channel, SI), which a file does not declare.
         """
-        noise = self.rounded_noise.get(channel, self.sensors.get(NOISE_KEYS.get(channel, "")))
-        return None if noise is None else self.noise_ratio * noise
+        declared = self.sensors.get(NOISE_KEYS.get(channel, ""))
+        return None if declared is None else math.hypot(self.noise_ratio * declared, self.rounding.get(channel, 0.0))
 
     @property
     def as_declared(self) -> Robot:

@@ -96,9 +96,8 @@ def taken(case: Case, gate: Gate) -> Case:
     """The case as the gate leaves it: without what is certainly no measurement, with its noise as its samples show
     it and with gains of a servo that the file leaves out.
     """
-    noise = {channel: sigma for channel, sigma in gate.noise.items() if case.robot.noise(channel) is not None}
     seen = gate.case or case
-    return replace(seen, robot=replace(seen.robot, rounded_noise=noise, noise_ratio=gate.noise_ratio))
+    return replace(seen, robot=replace(seen.robot, rounding=gate.rounding, noise_ratio=gate.noise_ratio))
 
 
 @dataclass
@@ -395,7 +394,8 @@ def _louder(problem: Problem, fit: Fit) -> list[str]:
         # Of angles and poses displacements are compared, which have other samples than the log.
         if not name.startswith(("v_bus", "i_", "w_", "gyro_z")):
             continue
-        times = float(np.sqrt(np.mean(fit.residual[mine] ** 2))) * problem.robot.noise_ratio
+        unit = problem.robot.known_noise(name) / problem.declared.known_noise(name)
+        times = float(np.sqrt(np.mean(fit.residual[mine] ** 2))) * unit
         if times < gaps.LEAST:
             continue
         if not correlated(fit.residual[mine], problem.channels_of[mine], SIGNIFICANT):

@@ -420,20 +420,23 @@ class Problem:
         """The gap at the search's steps: of whole runs, of long ones of the stretches that are searched; in units of
         the noise that samples show.
         """
-        searched = self.searched < 1.0 and not self.pieces
-        return self.replayer.gap(
-            model, self.runs_starting(model.start) if searched else self.whole_runs_starting(model.start)
-        )
+        return self._gaps(model)[0]
 
     def declared_gap(self, model: Model) -> float:
         """The same in units of the declared noise (contract, section 4)."""
-        return self.robot.noise_ratio * self.gap(model)
+        return self._gaps(model)[1]
+
+    def _gaps(self, model: Model) -> tuple[float, float]:
+        searched = self.searched < 1.0 and not self.pieces
+        return self.replayer.gaps(
+            model, self.runs_starting(model.start) if searched else self.whole_runs_starting(model.start)
+        )
 
     def gap_as_fitted(self, model: Model) -> float:
         """The same with commands as late in each run as they were fitted, `aligned_commands`: what an effect is worth
         next to that.
         """
-        return self.replayer.gap(model, [data for data, _ in self.judged(model.start)])
+        return self.replayer.gaps(model, [data for data, _ in self.judged(model.start)])[0]
 
     def with_nuisances(self, z: np.ndarray, start: Start) -> Model:
         """The nominal model with nuisances z (in units of their prior's sigma), whose runs begin as `start` says.

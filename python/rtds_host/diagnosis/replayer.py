@@ -39,7 +39,7 @@ class Replayer:
         self.work = 0.0
         self._kept: list[ReplayBatch] = []
         self._comparisons: dict[ReplayBatch, Comparison | None] = {}
-        self._gaps: dict[tuple, float] = {}
+        self._gaps: dict[tuple, tuple[float, float]] = {}
 
     def residuals(
         self, runs: Sequence[RunData], rows: Sequence[slice], models: list[Model], steps: list[float]
@@ -131,7 +131,8 @@ class Replayer:
             self._comparisons[batch] = Comparison.of(runs)
         return self._comparisons[batch]
 
-    def gap(self, model: Model, judged: Sequence[RunData]) -> float:
+    def gaps(self, model: Model, judged: Sequence[RunData]) -> tuple[float, float]:
+        """The gap over some runs in units of the noise that samples show, and of the declared one."""
         runs = self.batch(judged)
         # The search asks for the gap of the same explanation time and again.
         asked = (
@@ -142,16 +143,20 @@ class Replayer:
             model.forms.tobytes(),
         )
         if asked not in self._gaps:
-            self._gaps[asked] = self._gap_of(model, judged, runs)
+            self._gaps[asked] = self._gaps_of(model, judged, runs)
         return self._gaps[asked]
 
-    def _gap_of(self, model: Model, judged: Sequence[RunData], runs: ReplayBatch) -> float:
+    def _gaps_of(self, model: Model, judged: Sequence[RunData], runs: ReplayBatch) -> tuple[float, float]:
         if model.batched and runs.worth([model]):
             (out,) = runs.replay([model])
             outs = np.split(out, runs.rows[1:-1])
         else:
             outs = list(self.pool.map(lambda data: replay_run(model, data.inputs), judged))
-        return gap(pooled([errors(data.log, self.robot, out) for data, out in zip(judged, outs)]))
+        shown, declared = (
+            gap(pooled([errors(data.log, robot, out) for data, out in zip(judged, outs)]))
+            for robot in (self.robot, self.robot.as_declared)
+        )
+        return shown, declared
 
 
 def _taken(model: Model, step_s: float, runs: Sequence[RunData]) -> float:

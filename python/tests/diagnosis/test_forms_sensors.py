@@ -95,7 +95,7 @@ def test_a_speed_loop_follows_what_its_sensor_tells(plain, mode):
 def test_the_noise_of_the_channel_that_is_there_says_how_near_a_curve_ends():
     case = make_case(seconds=4.0)
     runs = tuple(replace(run, columns={k: v for k, v in run.columns.items() if k != "i_l"}) for run in case.runs)
-    robot = replace(case.robot, rounded_noise={"i_r": 0.02})
+    robot = replace(case.robot, rounding={"i_r": 0.02})
     problem, fit = explained(Case("one side", robot, runs))
     ends = [form.high for form in candidates(problem, fit.model(problem)) if form.term == "current_sensor"]
     assert min(ends) > KNOTS * problem.robot.noise("i_r") >= min(ends) / NEARER

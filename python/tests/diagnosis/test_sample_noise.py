@@ -8,9 +8,10 @@ from axis_machine import write_axis_case
 from diagnosis_cases import changed, make_case
 
 from rtds_host.contract import read_case
-from rtds_host.diagnosis.diagnose import diagnose
+from rtds_host.diagnosis.diagnose import diagnose, taken
 from rtds_host.diagnosis.gate import examine
 from rtds_host.diagnosis.gate.sample_noise import noise_ratio, sample_noise
+from rtds_host.diagnosis.thresholds import MINOR_SHARE
 
 
 def declaring(case, times):
@@ -68,7 +69,29 @@ def test_the_gate_hands_on_the_ratio_and_the_gap_keeps_the_declared_unit():
     case = make_case(seconds=8.0)
     one, third = examine(case), examine(declaring(case, 1.0 / 3.0))
     assert one.noise_ratio == pytest.approx(1.0, rel=0.1)
-    assert third.noise_ratio == pytest.approx(3.0 * one.noise_ratio, rel=0.02)
+    assert third.noise_ratio == pytest.approx(3.0 * one.noise_ratio, rel=1e-9)
+
+
+@pytest.mark.parametrize("step", [0.02, 0.1])
+@pytest.mark.parametrize("times", [1.0 / 3.0, 3.0])
+def test_the_search_takes_the_same_noise_of_rounded_samples_whatever_the_file_declares(times, step):
+    """Rounding has a known size and is not declared. A search may take another path if its noise changes in the fourth
+    digit, so it must not be scaled with the declared part."""
+
+    def rounded(t, columns):
+        columns["w_l"] = step * np.round(columns["w_l"] / step)
+
+    case = changed(make_case(seconds=20.0), rounded)
+    one, other = (taken(c, examine(c)).robot for c in (case, declaring(case, times)))
+    assert one.rounding["w_l"] == pytest.approx(step / np.sqrt(12.0))
+    for channel in ("w_l", "w_r", "i_l", "gyro_z"):
+        assert other.noise(channel) == pytest.approx(one.noise(channel), rel=1e-9), channel
+
+
+def test_rounding_that_samples_hardly_show_leaves_the_declared_noise_a_slight_part():
+    """Steps far above what changes from row to row: no ratio makes declared noise and rounding as small as that."""
+    case = make_case(seconds=20.0)
+    assert noise_ratio(case, {"w_l": 1e6}) == pytest.approx(MINOR_SHARE * noise_ratio(case, {}), rel=1e-9)
 
 
 @pytest.mark.parametrize("times", [1.0 / 3.0, 3.0])

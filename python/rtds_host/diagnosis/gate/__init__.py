@@ -63,7 +63,8 @@ def examine(case: Case) -> Gate:
     found += told
     cleaned, told = loop.estimated(cleaned)
     found += told
-    cleaned, told, lags = _compared(cleaned, bounds, noise)
+    rounded = {c: rounding.noise_of(step) for c, step in steps.items()}
+    cleaned, told, lags = _compared(cleaned, bounds, rounded)
     found += told
     _enough(cleaned)
     stamped = cleaned
@@ -98,7 +99,7 @@ def examine(case: Case) -> Gate:
         command_step_s=float(np.median(apart)) if apart else math.nan,
         commands_enough=all(enough for _, _, enough in commands),
     )
-    return Gate(tuple(found), cleaned, noise, noise_ratio(cleaned, noise), clock)
+    return Gate(tuple(found), cleaned, noise, rounded, noise_ratio(cleaned, rounded), clock)
 
 
 def _notices(case: Case) -> list[Finding]:
@@ -160,12 +161,16 @@ def _glitch(log: RunLog, c: str, rows: np.ndarray, of: int) -> Finding:
 
 
 def _compared(
-    case: Case, bounds: Limits, noise: dict[str, float]
+    case: Case, bounds: Limits, rounded: dict[str, float]
 ) -> tuple[Case, list[Finding], list[tuple[str, float]]]:
-    """The case without clipped and frozen stretches, what a comparison with the nominal robot tells, and lags."""
+    """The case without clipped and frozen stretches, what a comparison with the nominal robot tells, and lags.
+
+    rounded : what rounding adds to each channel's noise.
+    """
     robot = case.robot
     # A sensor of few counts sits on each of them, its largest one, too.
-    counting = replace(robot, rounded_noise=noise)
+    counting = replace(robot, rounding=rounded)
+    noise = {channel: counting.known_noise(channel) for channel in rounded}
     model = nominal_model(robot)
     found: list[Finding] = []
     lags: list[tuple[str, float]] = []

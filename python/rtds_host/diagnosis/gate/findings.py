@@ -54,12 +54,14 @@ class Gate:
 
     case : the case to diagnose: samples set aside are NaN, runs are cut at holes.
     noise : channel -> one standard deviation of its declared noise with its rounding; channels with a
-    declared noise only. noise_ratio : the noise that samples show over that, see `sample_noise`.
+    declared noise only. rounding : the part of it that rounding makes. noise_ratio : the noise that samples show, less
+    rounding, over the declared one, see `sample_noise`.
     """
 
     findings: tuple[Finding, ...]
     case: Case
     noise: dict[str, float] = field(default_factory=dict)
+    rounding: dict[str, float] = field(default_factory=dict)
     noise_ratio: float = 1.0
     timing: Timing | None = None
 

@@ -132,6 +132,11 @@ def step_of(values: np.ndarray, t: np.ndarray | None = None) -> float:
     return step
 
 
+def noise_of(step: float) -> float:
+    """One standard deviation of what rounding to steps of this size adds to a sample."""
+    return step / math.sqrt(12.0)
+
+
 def effective_noise(case: Case) -> tuple[dict[str, float], dict[str, float]]:
     """Noise with rounding, channel -> standard deviation, and the step of each channel, channel -> step (SI).
 
@@ -156,5 +161,5 @@ def effective_noise(case: Case) -> tuple[dict[str, float], dict[str, float]]:
             samples += good.sum()
         if samples:
             steps[channel] = math.sqrt(squares / samples)
-            noise[channel] = math.sqrt(declared**2 + steps[channel] ** 2 / 12.0)
+            noise[channel] = math.hypot(declared, noise_of(steps[channel]))
     return noise, steps

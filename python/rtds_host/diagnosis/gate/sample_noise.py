@@ -11,10 +11,12 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
+from scipy.optimize import brentq
 
 from rtds_host.contract import Case
 from rtds_host.diagnosis.gap import gap_channels
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
+from rtds_host.diagnosis.thresholds import MINOR_SHARE
 from rtds_host.plant.schema import OUTPUT_INDEX
 
 # Numerical: rows of a block whose differences give one value of the noise.
@@ -55,12 +57,32 @@ def _by_block(samples: np.ndarray) -> np.ndarray:
         return np.array([math.sqrt(np.mean(np.square(block))) for block in blocks])
 
 
-def noise_ratio(case: Case, declared: Mapping[str, float]) -> float:
-    """The noise that samples show over the declared one: geometric mean over the channels that a gap counts; 1 where
-    samples of none show it.
+def noise_ratio(case: Case, rounding: Mapping[str, float]) -> float:
+    """The noise that samples show over the declared one, the same for all channels that a gap counts; 1 where samples
+    of none show it.
 
-    declared : channel -> one standard deviation, SI, with its rounding.
+    Over these channels the geometric mean of what samples show is that of the declared noise times the ratio, with
+    rounding. Rounding has a known size and is not scaled. So n times the declared noise has exactly an n-th of the
+    ratio, and the search the same noise.
+
+    Parameters
+    ----------
+    case : its robot's noise is as the file declares it. rounding : channel -> what it adds, one standard deviation, SI.
     """
     counted = {channel for log in case.runs for channel in gap_channels(log, case.robot)}
-    ratios = [sigma / declared[c] for c, sigma in sample_noise(case).items() if c in counted and c in declared]
-    return math.exp(sum(map(math.log, ratios)) / len(ratios)) if ratios else 1.0
+    shown = {channel: size for channel, size in sample_noise(case).items() if channel in counted}
+    if not shown:
+        return 1.0
+    squares = [(case.robot.known_noise(c) / size) ** 2 for c, size in shown.items()]
+    rounded = [(rounding.get(c, 0.0) / size) ** 2 for c, size in shown.items()]
+
+    def excess(log_ratio: float) -> float:
+        """The mean logarithm of the squared noise with this ratio over that of the samples; it rises."""
+        factor = math.exp(2.0 * log_ratio)
+        return sum(math.log(factor * s + r) for s, r in zip(squares, rounded)) / len(squares)
+
+    # Without rounding this ratio is exact, with it too large. Rounding alone may be more than what samples show, where
+    # they move by less than a step from row to row: the declared noise is then a slight part.
+    unrounded = -0.5 * sum(map(math.log, squares)) / len(squares)
+    least = unrounded + math.log(MINOR_SHARE)
+    return math.exp(least if excess(least) > 0.0 else brentq(excess, least, unrounded + 1.0))
