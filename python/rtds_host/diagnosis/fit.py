@@ -90,6 +90,15 @@ def joined(parts: dict[tuple[str, str], np.ndarray]) -> tuple[Hypothesis, np.nda
     return hypothesis, np.concatenate([parts[h] for h in hypothesis]) if hypothesis else np.empty(0)
 
 
+def _angle_gain(effects: Effects, parts: Mapping[tuple[str, str], np.ndarray], side: int) -> float:
+    """The measured over the true angle of a side's wheel with some effects."""
+    return math.prod(
+        effects[effect].parameters[0].value(float(u[0]))
+        for (effect, on), u in parts.items()
+        if effects[effect].scales_angle and side in SIDES[on]
+    )
+
+
 def prior_cost(z: np.ndarray, u: np.ndarray) -> float:
     """-2 log prior density of nuisances and parameters, less constants."""
     return float(z @ z + 2.0 * np.log1p(u * u).sum())
@@ -151,13 +160,31 @@ class Fit:
     ) -> Proposal:
         """Where to fit this explanation from with other effects, scaled parameters each, and without some of its own.
 
-        One side of an effect that is included on both sides splits that into two.
+        One side of an effect that is included on both sides splits that into two. Periods over the wheel's angle start
+        in step with the measured angle.
         """
         parts = self.parts_without(*without)
         for effect, side in new:
             if side != "both" and (effect, "both") in parts:
                 parts[effect, "right" if side == "left" else "left"] = parts.pop((effect, "both"))
-        return Proposal.of({**parts, **new}, self)
+        return Proposal.of(self._in_step({**parts, **new}, new), self)
+
+    def _in_step(
+        self, parts: dict[tuple[str, str], np.ndarray], new: Collection[tuple[str, str]]
+    ) -> dict[tuple[str, str], np.ndarray]:
+        """The parts with as many cycles of each measured turn as this fit has, of effects that are not new.
+
+        A sensor's gain scales the measured angle. A ripple that kept its cycles of each true turn would be out of step
+        after a few turns, and no slope leads back.
+        """
+        for cause in [c for c in parts if self.effects[c[0]].periodic and c not in new]:
+            side = SIDES[cause[1]][0]
+            gain = _angle_gain(self.effects, parts, side) / _angle_gain(self.effects, self.parts, side)
+            if gain > 0.0:
+                cycles = self.effects[cause[0]].parameters[1]
+                parts[cause] = parts[cause].copy()
+                parts[cause][1] = cycles.scaled(gain * cycles.value(float(parts[cause][1])))
+        return parts
 
     @property
     def columns(self) -> dict[tuple[str, str], np.ndarray]:

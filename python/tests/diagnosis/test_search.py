@@ -214,6 +214,30 @@ def test_a_ripples_cycles_are_fitted_to_a_share_of_what_a_run_turns(off):
     )
 
 
+@pytest.mark.parametrize("side, scaled_cycles", [("left", 12.24), ("both", 12.24), ("right", 12.0)])
+def test_a_ripple_starts_in_step_with_an_angle_that_a_gain_scales(side, scaled_cycles):
+    """It was found over the measured angle. With 12 cycles of each true turn it would be out of step after a few turns
+    of a wheel whose sensor counts 2 % too many, and the exchange for that gain would never be tried in earnest."""
+
+    def change(model):
+        for name, value in (("ripple", 0.1), ("ripple_cycles", 12.0), ("ripple_phase", 1.0)):
+            model.put(name, value, (0,))
+
+    search = Search(Problem(make_case(change, seed=28, seconds=4.0), 1), quick=True)
+    wave, gain = ("torque_ripple", "left"), ("speed_gain", side)
+    found = {"amplitude_nm": 0.1, "cycles_per_rev": 12.0, "phase_rad": 1.0}
+    effects = search.store.effects
+    wave_alone = search.begin().proposal({wave: effects[wave[0]].scaled(effects[wave[0]].within(found))})
+    (fit,) = search.store.try_fits([wave_alone], rough=True)
+    started = fit.proposal({gain: effects[gain[0]].scaled({"ratio": 1.02})})
+    cycles = dict(zip(started.hypothesis, to_values(effects, started.hypothesis, started.u)))[wave]["cycles_per_rev"]
+    own = fit.values[0]["cycles_per_rev"]
+    assert own == pytest.approx(12.0, abs=0.1)
+    assert cycles / own == pytest.approx(scaled_cycles / 12.0)
+    (both,) = search.store.try_fits([started], rough=True)
+    assert dict(zip(both.hypothesis, both.values))[gain]["ratio"] == pytest.approx(1.0, abs=0.01)
+
+
 def test_only_factors_are_searched_by_their_logarithm():
     """A number of cycles is no factor: over a run it is wrong by so many cycles."""
     assert {
