@@ -123,7 +123,9 @@ def possible(robot, missing: list[str]) -> list[str]:
     from rtds_host.blind.machines import menu
 
     gone = [
-        prefix for stem, prefix in (("i", "current_"), ("gyro_z", "gyro_"), ("w", "speed_filter")) if stem in missing
+        prefix
+        for stem, prefix in (("i", "current_"), ("gyro_z", "gyro_"), ("w", "speed_filter"), ("th", "torque_ripple"))
+        if stem in missing
     ]
     return [name for name in menu(robot) if not name.startswith(tuple(gone))]
 

@@ -163,6 +163,8 @@ def _draw_few_channels(rng: np.random.Generator, spec: dict) -> None:
             (effect.startswith("gyro") and "gyro_z" in gone)
             or (effect.startswith("current") and "i" in gone)
             or (effect == "speed_filter" and "w" in gone)
+            # Without a logged angle its phase may differ from run to run.
+            or (effect == "torque_ripple" and "th" in gone)
         )
         if not lost:
             break

@@ -54,8 +54,13 @@ def possible(robot, missing: list[str]) -> list[str]:
     gone = list(curve.WHOLE) if robot.axis is not None else []
     if robot.driver.mode == "torque":
         gone += ["voltage_over_current", "flux_over_current", "current_over_current"]
-    for stem, law in (("w", "speed_over_speed"), ("i", "current_over_current"), ("gyro_z", "gyro_over_yaw_rate")):
-        gone += [law] if stem in missing else []
+    shown_by = (
+        ("w", "speed_over_speed"),
+        ("i", "current_over_current"),
+        ("gyro_z", "gyro_over_yaw_rate"),
+        ("th", "torque_over_angle"),
+    )
+    gone += [law for stem, law in shown_by if stem in missing]
     return [law for law in curve.LAWS if law not in gone]
 
 

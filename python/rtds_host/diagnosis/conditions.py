@@ -33,6 +33,17 @@ def no_place(case: Case) -> bool:
     return not _logged(case, "x", "y")
 
 
+def angles_known(case: Case) -> bool:
+    """Whether the wheels' angles count from the same zero in all runs.
+
+    They do where they are logged, in a single run, and of a pendulum, which hangs down at rest. Else a wheel may begin
+    each run at another angle. A replay begins at zero (contract, section 1), but what varies with the angle has another
+    phase in each run then.
+    """
+    pendulum = case.robot.axis is not None and case.robot.axis.kind == "pendulum"
+    return pendulum or len(case.runs) == 1 or _logged(case, "th")
+
+
 def _straight(case: Case) -> bool:
     """Whether both wheels are commanded alike in all runs: a robot that drives straight, as far as it is sound."""
     return case.robot.chassis is not None and all(

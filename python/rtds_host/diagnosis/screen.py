@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rtds_host.diagnosis.conditions import angles_known
 from rtds_host.diagnosis.effects import Effect
 from rtds_host.diagnosis.fit import Fit, Fitter, Hypothesis, apply, prior_weight, scaled
 from rtds_host.diagnosis.likelihood import Likelihood
@@ -68,6 +69,7 @@ def available(problem: Problem) -> list[Effect]:
         if (robot.axis is None or effect.axis)
         and (robot.driver.mode != "torque" or effect.without_winding)
         and (not effect.seen_by or any(c.split("_")[0] in effect.seen_by for c in there))
+        and (not effect.periodic or angles_known(problem.case))
     ]
 
 

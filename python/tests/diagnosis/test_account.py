@@ -15,8 +15,11 @@ from rtds_host.contract import Case, RunLog, RunMeta, builtin_robot
 from rtds_host.contract.robot import Servo
 from rtds_host.diagnosis import ripple
 from rtds_host.diagnosis.diagnose import diagnose
+from rtds_host.diagnosis.forms.candidates import candidates
+from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.report import validate
+from rtds_host.diagnosis.screen import available
 from rtds_host.plant.schema import OUTPUTS
 
 
@@ -287,6 +290,21 @@ def test_ripple_is_found_in_angles_and_gyro_where_no_speed_and_no_current_is_mea
     diagnosis, _ = run(case)
     assert included(diagnosis) == [("torque_ripple", "right")]
     assert diagnosis["effects"][0]["parameters"]["cycles_per_rev"]["value"] == pytest.approx(7.0, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    "runs, lacking, shown",
+    [(slice(None), (), True), (slice(None), ("th_l", "th_r"), False), (slice(1), ("th_l", "th_r"), True)],
+    ids=["logged angles", "no angles", "no angles, one run"],
+)
+def test_what_varies_with_the_angle_is_looked_for_where_all_runs_count_it_from_one_zero(runs, lacking, shown):
+    """Without a logged angle each run of a machine begins at another one. A ripple with the same phase in all of them
+    would be a curve over the way from the start, which any error of a model is."""
+    case = make_case(seconds=2.0)
+    problem = Problem(without(dataclasses.replace(case, runs=case.runs[runs]), *lacking), 1)
+    assert ("torque_ripple" in {effect.id for effect in available(problem)}) == shown
+    quantities = {form.over for form in candidates(problem, problem.nominal)}
+    assert ("th" in quantities) == shown and "w" in quantities
 
 
 def test_a_blemish_next_to_a_large_effect_is_not_blamed():

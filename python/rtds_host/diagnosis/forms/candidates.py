@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from rtds_host.diagnosis.conditions import angles_known
 from rtds_host.diagnosis.forms.curves import BODY, KNOTS, Form
 from rtds_host.diagnosis.forms.warmth import time_constants
 from rtds_host.diagnosis.problem import Problem
@@ -27,6 +28,8 @@ RUNS_OVER = {
 }
 # The channels of which a sensor's term needs one in the logs.
 NEEDS = {"current_sensor": ("i_l", "i_r"), "speed_sensor": ("w_l", "w_r"), "gyro_sensor": ("gyro_z",)}
+# Quantities that mean the same in all runs only where angles do.
+ANGLES = ("th", "motor_angle")
 # Numerical: ratio of one end of a sensor's curve to the next.
 NEARER = 4.0
 
@@ -142,6 +145,8 @@ def candidates(problem: Problem, model: Model) -> list[Form]:
             if over not in known or (over == "i" and robot.driver.mode == "torque"):
                 continue
             if over == "motor_angle" and robot.motor.gear_ratio == 1.0:
+                continue
+            if over in ANGLES and not angles_known(problem.case):
                 continue
             size = MINOR_SHARE * scale_of(term, scales)
             ends = known[over]
