@@ -136,11 +136,14 @@ class Fit:
 
     @cached_property
     def score(self) -> float:
-        """-2 log of the evidence (Laplace's approximation: D. J. C. MacKay, Neural Computation 4(3), 1992)."""
+        """-2 log of the evidence (Laplace's approximation: D. J. C. MacKay, Neural Computation 4(3), 1992); infinite
+        where two parameters are one but for rounding: their explanation has a simpler form."""
         keep = np.flatnonzero(self.free)
-        occam = float(np.linalg.slogdet(self.precision[np.ix_(keep, keep)])[1])
+        sign, occam = np.linalg.slogdet(self.precision[np.ix_(keep, keep)])
+        if sign <= 0.0:
+            return math.inf
         held = np.flatnonzero(~self.free[len(self.z) :])
-        return self.cost + occam + (len(self.u) - len(held)) * math.log(math.pi / 2.0)
+        return self.cost + float(occam) + (len(self.u) - len(held)) * math.log(math.pi / 2.0)
 
     @property
     def values(self) -> list[dict[str, float]]:
@@ -255,6 +258,21 @@ def side_by_side(problem: Problem, works: Iterable[Requesting[T]]) -> list[T]:
         for k, (work, models, _) in now:
             on(k, work, list(itertools.islice(found, len(models))))
     return [results[k] for k in sorted(results)]
+
+
+def _damped(hessian: np.ndarray, gradient: np.ndarray, keep: np.ndarray, share: float) -> np.ndarray | None:
+    """A Gauss-Newton step (n,) of some parameters with a share of the diagonal added to the normal equations.
+
+    None where these are singular: two effects are one there, as Coulomb and Stribeck friction may be, and rounding of
+    large squares hides the prior that tells them apart. Such a step needs damping.
+    """
+    step = np.zeros(len(gradient))
+    damped = hessian[np.ix_(keep, keep)] + share * np.diag(np.diag(hessian)[keep])
+    try:
+        step[keep] = -np.linalg.solve(damped, gradient[keep])
+    except np.linalg.LinAlgError:
+        return None
+    return step
 
 
 class Proposal(NamedTuple):
@@ -509,9 +527,8 @@ class Fitter:
             keep = np.flatnonzero(free)
             improved, enough = 0.0, max(least, RELATIVE_GAIN * (now - len(r)))
             for attempt in DAMPINGS[DAMPINGS.index(damping) :]:
-                damped = hessian[np.ix_(keep, keep)] + attempt * np.diag(np.diag(hessian)[keep])
-                step = np.zeros(len(x))
-                step[keep] = -np.linalg.solve(damped, gradient[keep])
+                if (step := _damped(hessian, gradient, keep, attempt)) is None:
+                    continue
                 predicted = float(abs(gradient @ step))
                 trial, moved, after = yield from self._tried(hypothesis, np.clip(x + step, low, high), noise, fixed)
                 if after >= now and predicted >= enough and attempt == 0.0:

@@ -82,8 +82,8 @@ class Store:
         return (self.score(other) - self.score(fit)) / max(excess(self.problem, other), 1.0)
 
     def admissible(self, fit: Fit) -> bool:
-        """Whether each effect of an explanation can be a cause, see `refused`."""
-        return not self.refused(fit)
+        """Whether each effect of an explanation can be a cause, see `refused`, and no two of them are one."""
+        return math.isfinite(fit.score) and not self.refused(fit)
 
     def refused(self, fit: Fit) -> dict[tuple[str, str], str]:
         """Effects of an explanation that are no cause at their size, and why.
