@@ -269,6 +269,25 @@ def test_held_samples_are_found(case):
     assert {f.channel for f in frozen} == {"w_r"} and "0.39 s" in frozen[0].text
 
 
+@pytest.mark.parametrize("times", [1.0 / 30.0, 1.0 / 3.0, 1.0])
+def test_a_robot_at_rest_holds_no_samples_however_little_noise_its_file_declares(case, times):
+    """A speed repeats itself, about nothing, while all others show noise. A file that declares less of it makes no
+    motion of that: what is set aside decides names, too."""
+    rng, sigmas = np.random.default_rng(7), {c: case.robot.noise(c) for c in ("w_l", "w_r", "i_l", "i_r", "gyro_z")}
+
+    def edit(_, columns):
+        for channel, sigma in sigmas.items():
+            columns[channel][150:300] = sigma * rng.standard_normal(150)
+        columns["w_r"][200:240] = sigmas["w_r"]
+        for channel in ("th_l", "th_r", "x", "y", "yaw"):
+            columns[channel][150:300] = columns[channel][150]
+
+    rested = changed(case, edit)
+    sensors = {key: times * sigma for key, sigma in rested.robot.sensors.items()}
+    found = examine(dataclasses.replace(rested, robot=dataclasses.replace(rested.robot, sensors=sensors)))
+    assert "w_r" not in {f.channel for f in found.of("frozen")}
+
+
 def test_a_wrapped_yaw_is_found(case):
     def edit(_, columns):
         columns["yaw"] = np.angle(np.exp(1j * (3 * columns["yaw"])))
