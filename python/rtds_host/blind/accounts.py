@@ -13,6 +13,7 @@ fitted again.
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -118,16 +119,21 @@ def _sound(machine, payload_kg: float) -> bool:
     return bool(mass > 0 and yaw_inertia > 2 * (mass + payload_kg) * cy * cy and (inertia > 0).all())
 
 
+# Effects by the start of their name -> the channel without which they do not show. Without a logged angle a ripple's
+# phase may differ from run to run.
+SHOWN_BY = {"current_": "i", "gyro_": "gyro_z", "speed_filter": "w", "torque_ripple": "th"}
+
+
+def shown(effect: str, missing: Collection[str]) -> bool:
+    """Whether an effect shows in a log that lacks some channels, by their stems."""
+    return not any(effect.startswith(start) and stem in missing for start, stem in SHOWN_BY.items())
+
+
 def possible(robot, missing: list[str]) -> list[str]:
     """Effects that a machine can have and its log's channels can show."""
     from rtds_host.blind.machines import menu
 
-    gone = [
-        prefix
-        for stem, prefix in (("i", "current_"), ("gyro_z", "gyro_"), ("w", "speed_filter"), ("th", "torque_ripple"))
-        if stem in missing
-    ]
-    return [name for name in menu(robot) if not name.startswith(tuple(gone))]
+    return [name for name in menu(robot) if shown(name, missing)]
 
 
 def draw_names(

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from rtds_host.blind import formed_world, hard, machines
-from rtds_host.blind.accounts import Drive, draw_causes, worth
+from rtds_host.blind.accounts import Drive, draw_causes, shown, worth
 from rtds_host.blind.kernel import SIDE_NAMES
 from rtds_host.blind.planar import (
     CLOSED,
@@ -156,17 +156,8 @@ def _draw_the_log(rng: np.random.Generator, spec: dict) -> None:
 def _draw_few_channels(rng: np.random.Generator, spec: dict) -> None:
     """The channels that a case lacks, and an effect that shows in those left: else it would be no case at all."""
     spec["missing"] = list(MISSING[rng.integers(len(MISSING))])
-    gone = set(spec["missing"])
     for _ in range(200):
-        effect = spec["effects"][0]["id"]
-        lost = (
-            (effect.startswith("gyro") and "gyro_z" in gone)
-            or (effect.startswith("current") and "i" in gone)
-            or (effect == "speed_filter" and "w" in gone)
-            # Without a logged angle its phase may differ from run to run.
-            or (effect == "torque_ripple" and "th" in gone)
-        )
-        if not lost:
+        if shown(spec["effects"][0]["id"], spec["missing"]):
             break
         spec["effects"] = [draw_effect(rng)]
 

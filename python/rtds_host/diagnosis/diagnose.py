@@ -97,7 +97,7 @@ def taken(case: Case, gate: Gate) -> Case:
     it and with gains of a servo that the file leaves out.
     """
     seen = gate.case or case
-    return replace(seen, robot=replace(seen.robot, rounding=gate.rounding, noise_ratio=gate.noise_ratio))
+    return replace(seen, robot=replace(seen.robot, noise_ratio=gate.noise_ratio))
 
 
 @dataclass

@@ -182,11 +182,12 @@ class Fit:
         """
         for cause in [c for c in parts if self.effects[c[0]].periodic and c not in new]:
             side = SIDES[cause[1]][0]
-            gain = _angle_gain(self.effects, parts, side) / _angle_gain(self.effects, self.parts, side)
-            if gain > 0.0:
+            now, then = (_angle_gain(self.effects, of, side) for of in (parts, self.parts))
+            # None where nothing scales the angle anew; a reversed sign is another matter than a period.
+            if now != then and now * then > 0.0:
                 cycles = self.effects[cause[0]].parameters[1]
                 parts[cause] = parts[cause].copy()
-                parts[cause][1] = cycles.scaled(gain * cycles.value(float(parts[cause][1])))
+                parts[cause][1] = cycles.scaled(now / then * cycles.value(float(parts[cause][1])))
         return parts
 
     @property

@@ -493,13 +493,13 @@ def test_a_speed_by_few_counts_is_coarse_and_not_clipped(case):
     )
     gate = examine(coarse)
     assert not gate.of("clipped") and not gate.of("frozen")
-    assert gate.noise["w_l"] == pytest.approx(2.0 * np.pi / 24 / 0.01 / np.sqrt(12), rel=0.05)
+    assert gate.case.robot.noise("w_l") == pytest.approx(2.0 * np.pi / 24 / 0.01 / np.sqrt(12), rel=0.05)
 
 
 def test_rounding_adds_to_the_declared_noise(case):
     gate = examine(changed(case, lambda _, columns: columns.update(gyro_z=np.round(columns["gyro_z"], 1))))
-    assert gate.noise["gyro_z"] == pytest.approx(np.hypot(0.003, 0.1 / np.sqrt(12)), rel=1e-6)
-    assert gate.noise["w_l"] == pytest.approx(0.02, rel=1e-6)
+    assert gate.case.robot.noise("gyro_z") == pytest.approx(np.hypot(0.003, 0.1 / np.sqrt(12)), rel=1e-6)
+    assert gate.case.robot.noise("w_l") == pytest.approx(0.02, rel=1e-6)
     assert {f.channel for f in gate.of("rounded")} == {"gyro_z"}
 
 
@@ -534,7 +534,7 @@ def test_commands_logged_more_seldom_than_the_motor_answers_are_named(case):
 def test_the_origin_of_time_changes_nothing(case):
     gate, since_1970 = examine(case), examine(changed(case, lambda t, _: t + 1.7e9))
     assert [f.kind for f in since_1970.findings] == [f.kind for f in gate.findings]
-    assert since_1970.noise == gate.noise
+    assert since_1970.case.robot.rounding == gate.case.robot.rounding and gate.case.robot.rounding
     assert since_1970.timing.step_s == pytest.approx(0.01, rel=1e-4)
 
 

@@ -37,7 +37,7 @@ def gaps(gate):
     """The nominal replay's gap by channel on what the gate hands on, in units of the noise that it hands on."""
     robot = gate.case.robot
     found = pooled([errors(r, robot, replay_run(nominal_model(robot), run_inputs(r, robot))) for r in gate.case.runs])
-    return {c: value * robot.noise(c) / gate.noise[c] for c, value in found.items()}
+    return {c: value * robot.noise(c) / gate.case.robot.noise(c) for c, value in found.items()}
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +66,7 @@ def test_frames_names_and_formats_change_nothing_that_the_gate_hands_on(case, ba
     for c, value in known.items():
         seen = OTHER.get(c, c) if name == "mirrored robot" else c
         assert found[seen] == pytest.approx(value, rel=1e-3), c
-        assert other.noise[seen] == pytest.approx(gate.noise[c], rel=1e-6)
+        assert other.case.robot.noise(seen) == pytest.approx(gate.case.robot.noise(c), rel=1e-6)
 
 
 @pytest.mark.parametrize("change", GLITCHES, ids=lambda t: t.name)

@@ -75,7 +75,7 @@ def test_one_absurd_sample_is_set_aside_with_a_notice_and_changes_no_noise(tmp_p
     gate = examine(read_case(folder))
     told = [f for f in gate.findings if f.channel == channel and f.kind in ("glitch", "start")]
     assert len(told) == 1 and np.isnan(gate.case.runs[0].columns[channel][row])
-    assert gate.noise[channel] < 1.5 * builtin_robot("burger").noise(channel)
+    assert gate.case.robot.noise(channel) < 1.5 * builtin_robot("burger").noise(channel)
 
 
 def test_the_step_of_a_channel_is_that_of_its_values_and_not_of_one_glitch():

@@ -99,7 +99,8 @@ def examine(case: Case) -> Gate:
         command_step_s=float(np.median(apart)) if apart else math.nan,
         commands_enough=all(enough for _, _, enough in commands),
     )
-    return Gate(tuple(found), cleaned, noise, rounded, noise_ratio(cleaned, rounded), clock)
+    rounding_known = replace(cleaned, robot=replace(cleaned.robot, rounding=rounded))
+    return Gate(tuple(found), rounding_known, noise_ratio(cleaned, rounded), clock)
 
 
 def _notices(case: Case) -> list[Finding]:
@@ -168,15 +169,15 @@ def _compared(
     rounded : what rounding adds to each channel's noise.
     """
     robot = case.robot
+    model = nominal_model(robot)
+    replayed_runs = [replay_run(model, run_inputs(log, robot)) for log in case.runs]
     # A sensor of few counts sits on each of them, its largest one, too. Held samples repeat themselves where others
     # show noise, which may be more than the file declares. A simulator's log has none, and none of it is held.
-    counting = replace(robot, rounding=rounded, noise_ratio=max(noise_ratio(case, rounded), 1.0))
+    counting = replace(robot, rounding=rounded, noise_ratio=max(noise_ratio(case, rounded, replayed_runs), 1.0))
     noise = {channel: counting.known_noise(channel) for channel in rounded}
-    model = nominal_model(robot)
     found: list[Finding] = []
     lags: list[tuple[str, float]] = []
     runs, replays = [], []
-    replayed_runs = [replay_run(model, run_inputs(log, robot)) for log in case.runs]
     seen = []
     for log, replayed in zip(case.runs, replayed_runs):
         seen.append((log, units.compare(log, robot, replayed, bounds)))

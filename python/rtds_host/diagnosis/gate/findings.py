@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from rtds_host.contract import Case
 
@@ -52,16 +52,12 @@ class Timing:
 class Gate:
     """Findings of a case, worst first, and what follows from them.
 
-    case : the case to diagnose: samples set aside are NaN, runs are cut at holes.
-    noise : channel -> one standard deviation of its declared noise with its rounding; channels with a
-    declared noise only. rounding : the part of it that rounding makes. noise_ratio : the noise that samples show, less
-    rounding, over the declared one, see `sample_noise`.
+    case : the case to diagnose: samples set aside are NaN, runs are cut at holes, and its robot's noise has what
+    rounding adds. noise_ratio : the noise that samples show, less rounding, over the declared one, see `sample_noise`.
     """
 
     findings: tuple[Finding, ...]
     case: Case
-    noise: dict[str, float] = field(default_factory=dict)
-    rounding: dict[str, float] = field(default_factory=dict)
     noise_ratio: float = 1.0
     timing: Timing | None = None
 

@@ -8,7 +8,7 @@ samples is estimated, the same for all channels.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.optimize import brentq
@@ -25,7 +25,7 @@ NOISE_ROWS = 20
 MEDIAN_OF_WHITE = 0.958
 
 
-def sample_noise(case: Case) -> dict[str, float]:
+def sample_noise(case: Case, replays: Sequence[np.ndarray] | None = None) -> dict[str, float]:
     """Channel -> one standard deviation of the white noise in its samples, SI.
 
     Of channels with a declared noise and enough samples, of which most are no copies of the one before. By third
@@ -33,11 +33,14 @@ def sample_noise(case: Case) -> dict[str, float]:
     sqrt(20), that of white noise of one unit (J. von Neumann et al., Ann. Math. Statist. 12, 153, 1941, for first
     differences). Where rows are few, motion is not smooth from row to row. So each block takes the smaller value of the
     samples and of what the nominal robot's replay differs from them by, which lacks the most of that motion.
+
+    replays : (n, 11) of the nominal robot, one a run, where they are known.
     """
     found: dict[str, list[np.ndarray]] = {}
-    model = nominal_model(case.robot)
-    for log in case.runs:
-        out = replay_run(model, run_inputs(log, case.robot))
+    if replays is None:
+        model = nominal_model(case.robot)
+        replays = [replay_run(model, run_inputs(log, case.robot)) for log in case.runs]
+    for log, out in zip(case.runs, replays, strict=True):
         for channel, values in log.columns.items():
             there = np.isfinite(values)
             samples = values[there]
@@ -57,7 +60,7 @@ def _by_block(samples: np.ndarray) -> np.ndarray:
         return np.array([math.sqrt(np.mean(np.square(block))) for block in blocks])
 
 
-def noise_ratio(case: Case, rounding: Mapping[str, float]) -> float:
+def noise_ratio(case: Case, rounding: Mapping[str, float], replays: Sequence[np.ndarray] | None = None) -> float:
     """The noise that samples show over the declared one, the same for all channels that a gap counts; 1 where samples
     of none show it.
 
@@ -68,9 +71,10 @@ def noise_ratio(case: Case, rounding: Mapping[str, float]) -> float:
     Parameters
     ----------
     case : its robot's noise is as the file declares it. rounding : channel -> what it adds, one standard deviation, SI.
+    replays : as of `sample_noise`.
     """
     counted = {channel for log in case.runs for channel in gap_channels(log, case.robot)}
-    shown = {channel: size for channel, size in sample_noise(case).items() if channel in counted}
+    shown = {channel: size for channel, size in sample_noise(case, replays).items() if channel in counted}
     if not shown:
         return 1.0
     squares = [(case.robot.known_noise(c) / size) ** 2 for c, size in shown.items()]
