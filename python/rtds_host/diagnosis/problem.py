@@ -344,13 +344,10 @@ class Problem:
         if as_others < CHI2:
             return 0.0
         extra = delay * (LAGS - 1.0)
-        if model.batched:
-            later = [model.copy() for _ in extra]
-            for one, delay_more in zip(later, extra):
-                one.add("command_delay", delay_more - was)
-            values = [missed(out) for out in ReplayBatch([data.inputs]).replay(later)]
-        else:
-            values = list(self.pool.map(beyond, extra))
+        later = [model.copy() for _ in extra]
+        for one, delay_more in zip(later, extra):
+            one.add("command_delay", delay_more - was)
+        values = [missed(out) for out in ReplayBatch([data.inputs]).replay(later)]
         k = int(np.argmin(values))
         from scipy.optimize import minimize_scalar  # a third of a second, which few cases have to spend
 

@@ -20,9 +20,9 @@ from rtds_host.diagnosis.replay.model import Model, ReplayBatch, replay_run
 from rtds_host.diagnosis.replay.simd import SIMD_WIDTH
 from rtds_host.diagnosis.residual import Comparison, RunData, run_residual
 
-# Numerical: what a step of a replay alone takes, one where lanes wait for each other's free play, and whitening a
-# residual, in steps of one in a batch; how much longer a step takes whose friction or bus needs its own result.
-ALONE, WAITING, WHITENED, ITERATED = 8.0, 3.0, 0.35, 1.6
+# Numerical: what a step takes where lanes wait for each other's free play, and whitening a residual, in steps of a
+# replay in a batch; how much longer a step takes whose friction or bus needs its own result.
+WAITING, WHITENED, ITERATED = 3.0, 0.35, 1.6
 # Numerical: into how many shares the runs of models that go alone are parted, for all cores.
 SHARES = 8
 # Numerical: starts whose inputs are kept: the one that is searched, and those that it is compared with.
@@ -55,17 +55,15 @@ class Replayer:
         self.work += taken
         spend(taken)
         # Those with springs or free play side by side: what one lane has is computed in all.
-        batched = sorted(
-            (k for k, model in enumerate(models) if model.batched), key=lambda k: (models[k].slow, steps[k])
-        )
+        batched = sorted(range(len(models)), key=lambda k: (models[k].slow, steps[k]))
         batch = self.batch(runs)
-        if not batch.worth([models[k] for k in batched]):
-            batched = []
-        alone = sorted(set(range(len(models))) - set(batched))
+        alone = []
+        if not batch.worth(models):
+            alone, batched = sorted(batched), []
         # Few models keep all cores busy by parts of their runs.
         parts = math.ceil(SHARES / len(alone)) if alone and self.threads > 1 else 1
         shares = np.array_split(np.arange(len(runs)), min(len(runs), parts)) if alone else []
-        compared = self._compared(batch, runs) if alone else None
+        compared = self._compared(batch, runs)
         jobs = deque(
             functools.partial(
                 _alone, batch, compared, runs, rows, (mine[0], mine[-1] + 1), models[k], found[k], steps[k]
@@ -81,6 +79,7 @@ class Replayer:
                 functools.partial(
                     _together,
                     batch,
+                    compared,
                     list(zip(runs, rows)),
                     [models[k] for k in part],
                     [found[k] for k in part],
@@ -147,7 +146,7 @@ class Replayer:
         return self._gaps[asked]
 
     def _gaps_of(self, model: Model, judged: Sequence[RunData], runs: ReplayBatch) -> tuple[float, float]:
-        if model.batched and runs.worth([model]):
+        if runs.worth([model]):
             (out,) = runs.replay([model])
             outs = np.split(out, runs.rows[1:-1])
         else:
@@ -163,8 +162,8 @@ def _taken(model: Model, step_s: float, runs: Sequence[RunData]) -> float:
     """Work that replays of all runs are: a step from row to row at the least. It depends on the model, not on how
     many cores there are.
     """
-    each = ALONE if not model.batched else WAITING if model.waits else 1.0
-    each *= ITERATED if model.iterated else 1.0
+    each = (WAITING if model.waits else 1.0) * (ITERATED if model.iterated else 1.0)
+    step_s = min(step_s, model.get("servo_period")) if model.has_servo else step_s
     return each * sum(max(float(data.inputs[0][-1] - data.inputs[0][0]) / step_s, len(data.inputs[0])) for data in runs)
 
 
@@ -191,11 +190,15 @@ def _alone(
 
 def _together(
     batch: ReplayBatch,
+    compared: Comparison | None,
     runs: list[tuple[RunData, slice]],
     models: list[Model],
     into: list[np.ndarray],
     steps: list[float],
 ) -> None:
     for found, outs in zip(into, batch.replay(models, steps)):
+        if compared is not None:
+            compared.residual(outs, 0, slice(runs[0][1].start, runs[-1][1].stop), found)
+            continue
         for (data, rows), first, last in zip(runs, batch.rows, batch.rows[1:]):
             run_residual(data, outs[first:last], found[rows])

@@ -10,10 +10,11 @@ from axis_machine import write_axis_case
 from diagnosis_cases import commands, make_case, make_run
 from scipy.integrate import solve_ivp
 
-from rtds_host.contract import GRAVITY_M_S2, Axis, Case, RunLog, RunMeta, builtin_robot, read_case
+from rtds_host.contract import GRAVITY_M_S2, Axis, Case, RunLog, RunMeta, Servo, builtin_robot, read_case
 from rtds_host.diagnosis.effects import SIDES, SUBSYSTEMS, catalogue
 from rtds_host.diagnosis.fit import apply
 from rtds_host.diagnosis.problem import Problem
+from rtds_host.diagnosis.replay.kernel import load_inertia
 from rtds_host.diagnosis.replay.model import (
     FINE_STEP_S,
     LONGEST_DELAY_S,
@@ -33,6 +34,7 @@ from rtds_host.plant.elementary import sine
 from rtds_host.plant.schema import OUTPUT_INDEX, OUTPUTS
 
 ROBOT = builtin_robot("burger")
+SERVO = Servo(kp_v_s_per_rad=0.44, ki_v_per_rad=8.6, limit_v=12.0, period_s=0.007)
 CATALOGUE = catalogue(ROBOT)
 
 
@@ -292,15 +294,19 @@ def test_the_sine_of_lanes_is_that_of_the_library_within_ten_thousand_turns():
     assert max(abs(sine(v) - math.sin(v)) for v in x) < 1e-11
 
 
-@pytest.mark.parametrize("side", ["left", "both"])
-def test_replays_in_a_batch_are_those_one_by_one(side):
+@pytest.mark.parametrize("side,mode", [("left", "voltage"), ("both", "voltage"), ("both", "torque"), ("left", "speed")])
+def test_replays_in_a_batch_are_those_one_by_one(side, mode):
+    robot = replace(ROBOT, driver=replace(ROBOT.driver, mode=mode, torque_nm_per_v=1e-4), servo=SERVO)
     logs = [run("steps", seconds=2.0), run("spin", seconds=3.0, slope=0.0), run("weave", seconds=1.0)]
-    inputs = [run_inputs(log, ROBOT) for log in logs]
+    if mode == "speed":
+        for log in logs:
+            log.columns.update(w_cmd_l=log.columns["v_cmd_l"], w_cmd_r=log.columns["v_cmd_r"])
+    inputs = [run_inputs(log, robot) for log in logs]
     # One that begins in motion, with speeds that are reported late.
     inputs[2][6][[5, 6, 9, 10]] = 3.0, 3.0, 2.0, 2.5
-    models = [nominal_model(ROBOT)]
+    models = [nominal_model(robot)]
     for pair in PAIRS:
-        model = nominal_model(ROBOT)
+        model = nominal_model(robot)
         for effect in pair:
             effect.apply(model, SIDES[side if effect.sided else "both"], start_values(effect)[-1])
         if len(models) % 3 == 0:
@@ -308,13 +314,39 @@ def test_replays_in_a_batch_are_those_one_by_one(side):
         models.append(model)
     # One that runs away leaves those next to it as they are.
     models[1].put("mass", -1.0)
-    models = [model for model in models if model.batched]
     noise = np.array([ROBOT.noise(name) for name in OUTPUTS])
     runs = ReplayBatch(inputs)
     for model, mine in zip(models, runs.replay(models), strict=True):
         for one, out in zip(inputs, np.split(mine, runs.rows[1:-1]), strict=True):
             alone = replay_run(model, one)
             assert np.abs((out - alone) / noise).max() < 1e-3
+
+
+@pytest.mark.parametrize("mode", ["voltage", "torque", "speed"])
+@pytest.mark.parametrize("kind", ["inertia", "pendulum", "linear"])
+def test_replays_of_an_axis_in_a_batch_are_those_one_by_one(kind, mode, tmp_path):
+    case = read_case(write_axis_case(tmp_path / "case", kind, mode))
+    robot, problem = case.robot, Problem(case, 1, pieces=True)
+    problem.follow_angles(True)
+    inputs = [data.inputs for data in problem.runs]
+    sizes = {e.id: e for e in available(problem) if start_values(e)}
+    rng = np.random.default_rng(8)
+    models = [nominal_model(robot)]
+    for pair in itertools.combinations(sizes.values(), 2):
+        model = nominal_model(robot)
+        for effect in pair:
+            effect.apply(model, SIDES["left"], start_values(effect)[rng.integers(len(start_values(effect)))])
+        if len(models) % 3 == 0:
+            model.declare(encoder_at_wheel=1.0)
+        models.append(model)
+    # One that runs away leaves those next to it as they are.
+    models[1].put("rotor_inertia", -1.01 * load_inertia(models[1].common, 0.0) / models[1].get("gear_ratio") ** 2)
+    noise = np.array([robot.noise(name) or 1.0 for name in OUTPUTS])
+    runs = ReplayBatch(inputs)
+    assert len(models) > 100
+    for k, (model, mine) in enumerate(zip(models, runs.replay(models), strict=True)):
+        alone = runs.replay_alone(model, 0, len(inputs), model.step_s)
+        assert (np.abs(mine - alone) / noise).max() < 1e-3 if k != 1 else mine.max() == 1e6, model
 
 
 def test_a_body_that_cannot_be_runs_away_within_the_finite_numbers():

@@ -73,6 +73,15 @@ def dry_of(side, k, com):
     return own or side[k, LOAD] != 0.0 or com[ROLLING] != 0.0
 
 
+@law
+def load_inertia(com, payload):
+    """Inertia behind a side's gear, kg·m²: a wheel's, or an axis' load, `payload` kg of it carried by a run."""
+    axis = int(com[AXIS])
+    swung = (com[AX_M] + payload) * com[AX_ARM] ** 2 if axis > 1 else 0.0
+    own = com[AX_J] if axis == 1 or axis == 2 else 0.0
+    return com[JW] if axis == 0 else own + swung
+
+
 @loop
 def _followed(angle, t_cmd, kc, k, time):
     """A wheel's measured angle, rad, at a time, s, between the rows of the commands in force and next."""
@@ -205,9 +214,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
     of_0, of_1, of_w, det = 0.0, 0.0, 0.0, 0.0
     p = np.zeros(2)
     swung, weight = com[AX_M] + run[0], 0.0  # an axis' mass, kg, and its weight's torque in the step, N·m
-    load_j = com[JW] if axis == 0 else (com[AX_J] if axis == 1 else swung * com[AX_ARM] ** 2)
-    if axis == 2:
-        load_j += com[AX_J]
+    load_j = load_inertia(com, run[0])
     load_i = 1.0 / load_j
 
     now = t[0]
@@ -216,6 +223,10 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
     kw = np.zeros(2, np.int64)  # next sample of a speed that is later than that by its own delay, where it is
     lagging = side[0, W_DELAY] > 0.0 or side[1, W_DELAY] > 0.0
     kp = 0  # next pose sample, at t[kp] - dp
+    if axis > 0:
+        # It has no pose.
+        kp = n
+        out[:, 8:] = 0.0
     servo_next = t[0]
     level = 1.0  # bus over its nominal voltage
     row_bus = bus_log[0]

@@ -38,6 +38,8 @@ START_ROWS = 2
 WEIGHTLESS = 1e-6
 # Physical: no command and no measurement comes later than this, a radio link's included.
 LONGEST_DELAY_S = 1.0
+# How a driver is commanded, in the kernels' order.
+MODES = ("voltage", "torque", "speed")
 # Outputs of devices with a clock of their own.
 CLOCKS = {
     "gyro_delay": slice(OUTPUT_INDEX["gyro_z"], OUTPUT_INDEX["gyro_z"] + 1),
@@ -157,10 +159,9 @@ class Model:
         return FEWEST_OF_SPRINGS if self._has("stiffness") else FEWEST
 
     @property
-    def batched(self) -> bool:
-        """Whether its replays can go in a batch, see `simd`."""
-        common, index = self.common, COMMON_INDEX
-        return bool(common[index["axis"]] == 0.0 and common[index["mode"]] == 0.0)
+    def has_servo(self) -> bool:
+        """Whether a servo holds its speed, whose samples end steps."""
+        return self.get("mode") == MODES.index("speed")
 
     def _has(self, *names: str) -> bool:
         return any(self.side[0, k] != 0 or self.side[1, k] != 0 for k in map(SIDE_INDEX.__getitem__, names))
@@ -180,7 +181,7 @@ def nominal_model(robot: Robot) -> Model:
         model.declare(torque_constant=motor.torque_constant_nm_per_a, back_emf=motor.back_emf_constant_v_s_per_rad)
     model.declare(rotor_inertia=motor.rotor_inertia_kg_m2, viscous=motor.viscous_friction_nm_s_per_rad)
     model.declare(gear_ratio=motor.gear_ratio, supply=robot.supply_v, encoder_at_wheel=robot.encoder == "wheel")
-    model.declare(mode=["voltage", "torque", "speed"].index(driver.mode), bus_measured=driver.bus == "measured")
+    model.declare(mode=MODES.index(driver.mode), bus_measured=driver.bus == "measured")
     if robot.servo is not None:
         servo = robot.servo
         model.declare(servo_kp=servo.kp_v_s_per_rad, servo_ki=servo.ki_v_per_rad)
@@ -432,9 +433,7 @@ class ReplayBatch:
         return out
 
     def replay(self, models: list[Model], steps: Sequence[float | None] | None = None) -> np.ndarray:
-        """Replays (models, rows of all runs, 11), columns as `OUTPUTS`, of models that are `batched`; steps : as of
-        `replay_run`.
-        """
+        """Replays (models, rows of all runs, 11), columns as `OUTPUTS`; steps : as of `replay_run`."""
         longest = [step or model.step_s for model, step in zip(models, steps or [None] * len(models))]
         out = np.empty((len(models), self.rows[-1], len(OUTPUTS)))
         which = np.array([(k, run) for run in self.order for k in range(len(models))])

@@ -1,10 +1,11 @@
-"""The inner loop for robots driven by voltages, eight replays in a SIMD batch.
+"""The inner loop of several replays at a time, eight in a SIMD batch.
 
 A step waits for itself: each of its operations needs the one before. Eight replays that do not wait for one another
 fill a processor's vector unit instead, each in a lane, which is one element of its registers. Each lane goes through
 events and steps of its own and begins the next job when its run is through, so that models with other delays and runs
 of other lengths go together. Equations and method are those of `kernel.replay`; a regime that a lane is not in is
-computed all the same and passed over, and what no lane has is left out.
+computed all the same and passed over, and what no lane has is left out. All models of a batch are of one robot: an
+axis has one side and no body.
 """
 
 from __future__ import annotations
@@ -39,23 +40,24 @@ ALIKE_S = 1e-10
         "radius", "speed_tau", "stribeck", "stribeck_speed", "speed_gain", "current_gain", "current_bias", "pwm_curve",
         "deadzone", "voltage_gain", "slip", "slip_relaxation", "load_share", "backlash", "restitution", "stiffness",
         "damping", "drop_knee"))
-_SIDE_ROWS = len(SIDE) + 70
+_SIDE_ROWS = len(SIDE) + 71
 (KE, GKM, INERTIA, FLUID, FRICTION, EXTRA, TH, W, CUR, RISE, WF, VA, VD, STICK, WN, C0, M0, DECAY, RISE_V, MEAN_V,
  MEAN_I, C1, M1, FADE, THETA, PER_SHEAR, AM, BM, RIGID, HI, LO, SHAPED, FORCE, ALPHA, BETA, SHEAR_TAU, GRIP,
  TYRE, WHOLE, GIVE, YIELDS, TANGENT, TAKEN, ASKED, MEAN, INPUT, OUTPUT, WM, WMN, PLAY, CONTACT, WAS, HELD, KAP,
  FREE_I, SPRING_I, HELD_I, BEHIND_I, TURN, APART, BOUNCES, TANGLED, AT, AHEAD, OWN_GKM, OWN_FLUID, OWN_FRICTION,
- OWN_VD, OWN_KE, MADE) = (
+ OWN_VD, OWN_KE, MADE, DRIVE) = (
     k * SIMD_WIDTH for k in range(len(SIDE), _SIDE_ROWS))
 _SIDE = _SIDE_ROWS * SIMD_WIDTH
 _COMMON = 2 * _SIDE
 (SUPPLY, DECLINE, MEASURED, LOAD_J, MASS, COM_X, COM_Y, SCRUB, GYRO_GAIN, GYRO_BIAS, SOURCE, POSE_DELAY, COMMAND_DELAY,
- AT_WHEEL) = (
+ AT_WHEEL, RATIO, PER_VOLT, SWUNG, ARM, ZERO) = (
     _COMMON + k * SIMD_WIDTH for k in common_indices(
         "supply", "decline", "bus_measured", "wheel_inertia", "mass", "com_x", "com_y", "scrub", "gyro_gain",
-        "gyro_bias", "source_resistance", "latency", "command_delay", "encoder_at_wheel"))
-_COMMON_ROWS = len(COMMON) + 37
+        "gyro_bias", "source_resistance", "latency", "command_delay", "encoder_at_wheel", "gear_ratio",
+        "torque_per_volt", "axis_mass", "axis_arm", "axis_zero"))
+_COMMON_ROWS = len(COMMON) + 38
 (H, BEGUN, NOW, DONE, BUS_ROW, I11, I12, I22, HALF, PULL, UP_X, UP_Y, DRY, LEVEL, GX, GZ, X, Y, YAW, V, RATE, DIR_X,
- DIR_Y, RATE_N, V_N, DV, BRAKE, A00, A11, WX, DET, SPIN, H_MAX, DELAY, FOLLOWS, SINCE, PER_SPAN) = (
+ DIR_Y, RATE_N, V_N, DV, BRAKE, A00, A11, WX, DET, SPIN, H_MAX, DELAY, FOLLOWS, SINCE, PER_SPAN, WEIGHT) = (
     _COMMON + k * SIMD_WIDTH for k in range(len(COMMON), _COMMON_ROWS))
 # fmt: on
 # Rows that accepting a step changes.
@@ -72,12 +74,13 @@ _torque_of = law(functions(TORQUES, "s, o, l", lambda entry: f"s[o + {SIDE_INDEX
 @loop
 def _begin(s, l, side, com, curves, run, start):
     """Set a lane to the start of a run; arguments as of `kernel.replay`."""
-    ratio = com[one.GEAR]
+    ratio, axis = com[one.GEAR], int(com[one.AXIS])
     mass = com[one.MASS] + run[0]
     dry = 0.0
+    sides = 1 if axis > 0 else 2
     for n in range(len(com)):
         s[_COMMON + n * SIMD_WIDTH + l] = com[n]
-    for k in range(2):
+    for k in range(sides):
         o = k * _SIDE + l
         for n in range(side.shape[1]):
             s[o + n * SIMD_WIDTH] = side[k, n]
@@ -92,7 +95,7 @@ def _begin(s, l, side, com, curves, run, start):
             dry = 1.0
         s[o + SHEAR_TAU] = ground.shear_time(side[k, one.SLIP_DAMPING], side[k, one.SLIP], side[k, one.SLIP_LENGTH])
         s[o + GRIP] = ground.grip_of(side[k, one.SLIP_GRIP], mass) if side[k, one.SLIP] != 0.0 else 1.0
-        s[o + FORCE] = s[o + INPUT] = s[o + TYRE] = s[o + WHOLE] = 0.0
+        s[o + FORCE] = s[o + INPUT] = s[o + OUTPUT] = s[o + TYRE] = s[o + WHOLE] = 0.0
         s[o + TH] = start[3 + k] / side[k, one.W_GAIN]
         s[o + W] = s[o + WM] = start[5 + k] / side[k, one.W_GAIN]
         s[o + WF] = sensors.behind(
@@ -110,7 +113,12 @@ def _begin(s, l, side, com, curves, run, start):
     s[DELAY + l] = com[one.MEAS_DELAY] + com[one.LATENCY]
     s[COMMAND_DELAY + l] = com[one.CMD_DELAY] - com[one.CMD_EARLY]
     s[BEGUN + l] = run[3]
-    s[MASS + l], s[DRY + l] = mass, dry
+    s[MASS + l], s[DRY + l], s[WEIGHT + l] = mass, dry, 0.0
+    s[V + l] = s[RATE + l] = 0.0
+    if axis > 0:
+        s[SWUNG + l] += run[0]
+        s[LOAD_J + l] = one.load_inertia(com, run[0])
+        return
     s[I22 + l] = 1.0 / (com[one.IZ] - mass * com[one.COM_Y] ** 2)
     s[I12 + l] = com[one.COM_Y] * s[I22 + l]
     s[I11 + l] = 1.0 / mass + com[one.COM_Y] * s[I12 + l]
@@ -142,21 +150,44 @@ def _read(out, row, curves, model, held_s, l, elapsed):
     out[row, 7] += forms.turns_read(curves[model, 0], out[row, 7], elapsed)
 
 
+@law
+def _held_integral(side, k, com, start):
+    """Integral of a side's servo, V, with which a run begins, as in `kernel.replay`."""
+    ratio, gain = com[one.GEAR], side[k, one.W_GAIN]
+    robot = com[one.AXIS] == 0.0
+    cur = sensors.initial_current(start[7 + k], start[11 + k], start[13 + k], side[k, one.I_GAIN], side[k, one.I_BIAS])
+    drawn, brake = (cur, side[k, one.COULOMB]) if robot else (0.0, 0.0)
+    plain = ratio * ratio * side[k, one.B] + side[k, one.VISCOUS_W]
+    limit = min(com[one.SERVO_LIMIT], com[one.SUPPLY])
+    speed, constant = start[5 + k] / gain, side[k, one.KB] * ratio
+    return driver.holding(drawn, speed, side[k, one.R], constant, plain, brake, side[k, one.V_GAIN], com[one.KI], limit)
+
+
 @loop
-def _carried(s, job, curved, which, curves, redone, past):
+def _served(s, o, l, com, c_gain, wanted, integral, told):
+    """Put a servo's voltage, V, into a lane's side; its integral then, V. told : measured speed, rad/s."""
+    limit = min(com[one.SERVO_LIMIT], com[one.SUPPLY])
+    miss = wanted * c_gain - told
+    volts, integral = driver.servo(miss, integral, com[one.KP], com[one.KI], com[one.SERVO_T], limit, com[one.RELEASE])
+    s[o + VA] = volts
+    return integral
+
+
+@loop
+def _carried(s, ends, job, curved, which, curves, redone, past):
     """Take what forms remember to the end of a step, which some lanes take once more; arguments: see `replay_batch`."""
     for l in range(SIMD_WIDTH):
         if not curved[l] or redone[l]:
             continue
-        for k in range(2):
+        for k in range(ends // _SIDE):
             o = k * _SIDE + l
-            delivered = s[LOAD_J + l] * (s[o + W] - s[o + WN]) / s[H + l] + s[o + RADIUS] * s[o + FORCE]
+            delivered = s[LOAD_J + l] * (s[o + W] - s[o + WN]) / s[H + l] + s[o + RADIUS] * s[o + FORCE] - s[WEIGHT + l]
             mean = s[o + M0] - s[o + M1] * s[o + WM]
             forms.remember(curves[which[job[l], 0], k], delivered, mean, s[H + l], past[l, k])
 
 
 @loop
-def _formed(s, job, curved, which, sides, coms, curves, shaped, about, acts, past):
+def _formed(s, ends, job, curved, which, sides, coms, curves, shaped, about, acts, past):
     """Put into the rows of lanes that have forms what these come to in a step; arguments as in `replay_batch`."""
     for l in range(SIMD_WIDTH):
         if not curved[l]:
@@ -167,7 +198,8 @@ def _formed(s, job, curved, which, sides, coms, curves, shaped, about, acts, pas
         about[one.OVER_RATE], about[one.OVER_SPEED], about[one.OVER_TURNS] = rate, v, v * rate
         about[one.OVER_T], about[one.OVER_X], about[one.OVER_Y] = elapsed, s[X + l], s[Y + l]
         about[one.OVER_YAW] = s[YAW + l]
-        for k in range(2):
+        by_torque = coms[model, one.MODE] == 1.0
+        for k in range(ends // _SIDE):
             o = k * _SIDE + l
             about[one.OVER_V], about[one.OVER_I], about[one.OVER_W] = s[o + VA], s[o + CUR], s[o + WM]
             about[one.OVER_HISTORY] = past[l, k, forms.DIRECTION] * abs(s[o + VA])
@@ -177,19 +209,21 @@ def _formed(s, job, curved, which, sides, coms, curves, shaped, about, acts, pas
                 share = (s[NOW + l] + s[DONE + l] - half - s[SINCE + l]) * s[PER_SPAN + l]
                 at = s[o + AT] + min(max(share, 0.0), 1.0) * s[o + AHEAD]
             about[one.OVER_TH], about[one.OVER_MOTOR] = at, coms[model, one.GEAR] * at
-            emf = s[o + KE] * s[o + WM]
-            # What the current comes to with the forms of the step before.
-            volts = driver.winding_voltage(
-                (s[o + OWN_VD] + s[o + MADE]) * s[LEVEL + l], emf, s[o + LIM], s[o + DROP], s[o + KNEE], s[o + RES]
-            )
-            decay, rise_v, mean_v, mean_i = s[o + DECAY], s[o + RISE_V], s[o + MEAN_V], s[o + MEAN_I]
-            about[forms.MEAN_I] = motor.even_current(s[o + CUR], volts, emf, decay, rise_v, mean_v, mean_i)
+            if not by_torque:
+                emf = s[o + KE] * s[o + WM]
+                # What the current comes to with the forms of the step before.
+                volts = driver.winding_voltage(
+                    (s[o + OWN_VD] + s[o + MADE]) * s[LEVEL + l], emf, s[o + LIM], s[o + DROP], s[o + KNEE], s[o + RES]
+                )
+                decay, rise_v, mean_v, mean_i = s[o + DECAY], s[o + RISE_V], s[o + MEAN_V], s[o + MEAN_I]
+                about[forms.MEAN_I] = motor.even_current(s[o + CUR], volts, emf, decay, rise_v, mean_v, mean_i)
             forms.act(curves[model, k], about, past[l, k], acts)
             s[o + SHAPED] = (s[o + SHAPED] if shaped else 0.0) + acts[forms.DRIVE]
             s[o + GKM] = s[o + OWN_GKM] * (1.0 + acts[forms.CONSTANT])
             s[o + FLUID] = s[o + OWN_FLUID] + acts[forms.FLUID]
             s[o + KE] = s[o + OWN_KE] * (1.0 + acts[forms.CONSTANT])
-            s[o + C1], s[o + M1] = motor.armature_slopes(s[o + KE] * s[o + MEAN_V], s[o + DECAY], s[o + MEAN_I])
+            if not by_torque:
+                s[o + C1], s[o + M1] = motor.armature_slopes(s[o + KE] * s[o + MEAN_V], s[o + DECAY], s[o + MEAN_I])
             s[o + MADE] = acts[forms.VOLTS]
             s[o + VD] = s[o + OWN_VD] + s[o + MADE]
             s[o + FRICTION] = s[o + OWN_FRICTION] + 0.5 * (acts[forms.FORWARD] + acts[forms.BACKWARD])
@@ -264,6 +298,11 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
     ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_first, runs = inputs
     sides, coms, curves = models
     jobs = which.shape[0]
+    axis, by_torque, by_speed = int(coms[0, one.AXIS]), coms[0, one.MODE] == 1.0, coms[0, one.MODE] == 2.0
+    # Where the rows of the last side end.
+    ends = _SIDE if axis > 0 else _COMMON
+    if axis > 0:
+        out[:] = 0.0
     # A row of lanes within one line of the cache: rows across two take half as long again.
     unaligned = np.zeros(SIZE + SIMD_WIDTH)
     skipped = (-unaligned.ctypes.data // 8) % SIMD_WIDTH
@@ -282,6 +321,8 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
     # The next sample of a speed that comes later than that by its own delay, s, and where its run begins.
     held_s, lagging, begin = np.zeros((2, SIMD_WIDTH)), np.zeros((2, SIMD_WIDTH), np.int64), np.zeros_like(sample)
     lags = np.zeros(SIMD_WIDTH, np.bool_)
+    # Of servos: reference, rad/s, integral, V, and when they sample next, s.
+    wanted, integral, next_servo = np.zeros((2, SIMD_WIDTH)), np.zeros((2, SIMD_WIDTH)), np.full(SIMD_WIDTH, NEVER)
     shapes = np.zeros(SIMD_WIDTH, np.bool_)
     curved = np.zeros(SIMD_WIDTH, np.bool_)
     about, acts = np.zeros(forms.ABOUT), np.zeros(forms.ACTS)
@@ -332,8 +373,16 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                     lags[l] = held_s[0, l] > 0.0 or held_s[1, l] > 0.0
                     command[l], last_command[l], now = first, cmd_first[r + 1], ts[t_first[r]]
                     next_sample[l], next_pose[l] = now - s[DELAY + l], now - s[POSE_DELAY + l]
+                    if axis > 0:
+                        # It has no pose.
+                        pose[l], next_pose[l] = last[l], NEVER
                     next_command[l] = cmds_t[first] + s[COMMAND_DELAY + l] if first < last_command[l] else NEVER
                     to_out[l] = out_first[j] - t_first[r]
+                    if by_speed:
+                        next_servo[l] = now
+                        for k in range(ends // _SIDE):
+                            wanted[k, l] = 0.0
+                            integral[k, l] = _held_integral(of_model, k, coms[model], starts[r])
                     curved[l] = forms.any_of(curves[model])
                     shapes[l] = one.shaped_by(of_model, 0) or one.shaped_by(of_model, 1)
                     plays[l] = s[BACKLASH + l] > 0.0 or s[_SIDE + BACKLASH + l] > 0.0
@@ -344,7 +393,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                         formed |= curved[i]
                         heated |= s[HEAT + i] != 0.0 or s[_SIDE + HEAT + i] != 0.0
                         scrubbed |= s[SCRUB + i] != 0.0 or curved[i]
-                        pulled |= s[PULL + i] != 0.0
+                        pulled |= s[PULL + i] != 0.0 and axis == 0
                         faded |= s[STRIBECK + i] != 0.0 or s[_SIDE + STRIBECK + i] != 0.0
                         filtered |= s[SPEED_TAU + i] > 0.0 or s[_SIDE + SPEED_TAU + i] > 0.0
                         slipping |= s[SLIP + i] != 0.0 or s[_SIDE + SLIP + i] != 0.0
@@ -380,14 +429,15 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                         elapsed = now - s[BEGUN + l]
                         bus = driver.loaded_bus(s[SUPPLY + l], s[SOURCE + l], current, s[DECLINE + l], elapsed)
                         out[row, 0] = s[BUS_ROW + l] if s[MEASURED + l] > 0.0 else bus
-                        for i in range(2):
+                        for i in range(ends // _SIDE):
                             o = i * _SIDE + l
                             out[row, 1 + i] = sensors.scaled(s[o + CUR], s[o + I_GAIN], s[o + I_BIAS])
                             if held_s[i, l] <= 0.0:
                                 out[row, 3 + i] = _speed_read(s, o, l)
                             before = 0.0 if s[AT_WHEEL + l] > 0.0 else s[o + PLAY]
                             out[row, 5 + i] = (s[o + TH] + before) * s[o + W_GAIN]
-                        out[row, 7] = sensors.scaled(s[RATE + l], s[GYRO_GAIN + l], s[GYRO_BIAS + l])
+                        if axis == 0:
+                            out[row, 7] = sensors.scaled(s[RATE + l], s[GYRO_GAIN + l], s[GYRO_BIAS + l])
                         if curved[l]:
                             _read(out, row, curves, which[job[l], 0], held_s, l, ts[k] - s[DELAY + l] - s[BEGUN + l])
                         k += 1
@@ -415,6 +465,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                 if reports and sample[l] >= end and pose[l] >= end:
                     # Idle lanes stand still: at rest, with nothing that drives them.
                     job[l] = -1
+                    next_servo[l] = NEVER
                     running -= 1
                     # A known number of rows, and the compiler unrolls this and finds all their places ahead, at each
                     # lane's every event.
@@ -430,6 +481,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                     curved[l] = False
                     plays[l] = False
                     continue
+                changed = False
                 if next_command[l] <= due:
                     k = command[l]
                     supply = s[SUPPLY + l]
@@ -439,8 +491,6 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                         if not at <= due:
                             break
                     s[BUS_ROW + l] = buses[k - 1]
-                    s[VA + l] = driver.clipped(cmds[k - 1, 0], supply)
-                    s[_SIDE + VA + l] = driver.clipped(cmds[k - 1, 1], supply)
                     command[l], next_command[l] = k, at
                     r = which[job[l], 1]
                     if (shapes[l] or curved[l]) and angle_first[r + 1] > angle_first[r]:
@@ -449,17 +499,36 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                         span_a = cmds_t[nearer] - cmds_t[k - 1]
                         s[FOLLOWS + l], s[SINCE + l] = 1.0, cmds_t[k - 1] + s[COMMAND_DELAY + l]
                         s[PER_SPAN + l] = 1.0 / span_a if span_a > 0.0 else 0.0
-                        for i in range(2):
+                        for i in range(ends // _SIDE):
                             o = i * _SIDE + l
-                            begins, ends = angles[to_angle + k - 1, i], angles[to_angle + nearer, i]
-                            s[o + AT], s[o + AHEAD] = begins / s[o + W_GAIN], (ends - begins) / s[o + W_GAIN]
-                    for i in range(2):
+                            here, there = angles[to_angle + k - 1, i], angles[to_angle + nearer, i]
+                            s[o + AT], s[o + AHEAD] = here / s[o + W_GAIN], (there - here) / s[o + W_GAIN]
+                    for i in range(ends // _SIDE):
                         o = i * _SIDE + l
-                        s[o + VD] = driver.duty(s[o + VA], supply, s[o + CURVE], s[o + DEADZONE], s[o + V_GAIN])
+                        wanted[i, l] = cmds[k - 1, i]
+                        if not by_speed:
+                            s[o + VA] = cmds[k - 1, i] if by_torque else driver.clipped(cmds[k - 1, i], supply)
+                    changed = True
+                if next_servo[l] <= due:
+                    of_model, com = sides[which[job[l], 0]], coms[which[job[l], 0]]
+                    for i in range(ends // _SIDE):
+                        o = i * _SIDE + l
+                        told = (s[o + W] if s[AT_WHEEL + l] > 0.0 else s[o + WM]) * s[o + W_GAIN]
+                        if curved[l]:
+                            told += _told(curves, which[job[l], 0], i, told)
+                        c_gain = of_model[i, one.C_GAIN]
+                        integral[i, l] = _served(s, o, l, com, c_gain, wanted[i, l], integral[i, l], told)
+                    while next_servo[l] <= due:
+                        next_servo[l] += com[one.SERVO_T]
+                    changed = True
+                if changed:
+                    for i in range(ends // _SIDE):
+                        o = i * _SIDE + l
+                        s[o + VD] = driver.duty(s[o + VA], s[SUPPLY + l], s[o + CURVE], s[o + DEADZONE], s[o + V_GAIN])
                         s[o + OWN_VD] = s[o + VD]
                         if curved[l]:
                             forms.follow(curves[which[job[l], 0], i], s[o + VA], past[l, i])
-                ahead = min(min(next_pose[l], next_sample[l]), next_command[l])
+                ahead = min(min(next_pose[l], next_sample[l]), min(next_command[l], next_servo[l]))
                 if lags[l]:
                     for i in range(2):
                         if held_s[i, l] > 0.0 and lagging[i, l] < end:
@@ -489,7 +558,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
         # longer than all the rest of an event: all lanes go in a batch, and one whose step is the same finds the same
         # again.
         if renewed:
-            for o in range(0, _COMMON, _SIDE):
+            for o in range(0, 0 if by_torque else ends, _SIDE):
                 for l in range(lanes):
                     res = motor.warm(s[o + RES + l], s[o + RISE + l])
                     decay, rise_v, mean_v, mean_i, c1, m1 = motor.armature_factors(
@@ -498,19 +567,19 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                     s[o + DECAY + l], s[o + RISE_V + l], s[o + MEAN_V + l] = decay, rise_v, mean_v
                     s[o + MEAN_I + l], s[o + C1 + l], s[o + M1 + l] = mean_i, c1, m1
             if filtered:
-                for o in range(0, _COMMON, _SIDE):
+                for o in range(0, ends, _SIDE):
                     for l in range(lanes):
                         tau = s[o + SPEED_TAU + l]
                         fade = exp_minus(s[H + l] / (tau if tau > 0.0 else 1.0))
                         s[o + FADE + l] = fade if tau > 0.0 else 0.0
             if slipping:
-                for o in range(0, _COMMON, _SIDE):
+                for o in range(0, ends, _SIDE):
                     for l in range(lanes):
                         theta, factor = ground.shear_step(s[H + l], s[o + SHEAR_TAU + l])
                         s[o + THETA + l], s[o + PER_SHEAR + l] = theta, factor
         # ---- one step of all lanes: torques by angle and speed, the body's forces and the bus
         if shaped:
-            for o in range(0, _COMMON, _SIDE):
+            for o in range(0, ends, _SIDE):
                 for l in range(lanes):
                     half = 0.5 * s[H + l]
                     share = min(max((s[NOW + l] + s[DONE + l] + half - s[SINCE + l]) * s[PER_SPAN + l], 0.0), 1.0)
@@ -518,10 +587,16 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                     at = measured if s[FOLLOWS + l] > 0.0 else own
                     s[o + SHAPED + l] = _torque_of(at, s[o + WM + l], s, o, l, sine)
         for l in range(lanes):
-            rate, v = s[RATE + l], s[V + l]
-            s[GX + l], s[GZ + l] = ground.offset_forces(s[MASS + l], s[COM_X + l], v, rate)
-            s[SPIN + l] = friction.direction(rate)
             s[DONE + l] += s[H + l]
+        if axis == 0:
+            for l in range(lanes):
+                rate, v = s[RATE + l], s[V + l]
+                s[GX + l], s[GZ + l] = ground.offset_forces(s[MASS + l], s[COM_X + l], v, rate)
+                s[SPIN + l] = friction.direction(rate)
+        if axis == 2:
+            for l in range(lanes):
+                at = s[TH + l] + 0.5 * s[H + l] * s[W + l] - s[ZERO + l]
+                s[WEIGHT + l] = ground.pendulum(s[SWUNG + l], s[ARM + l], at, sine)
         if pulled:
             for l in range(lanes):
                 angle = 0.5 * s[H + l] * s[RATE + l]
@@ -533,20 +608,20 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                 s[GX + l] -= s[PULL + l] * along
                 s[GZ + l] += ground.slope_torque(s[PULL + l], s[COM_X + l], s[COM_Y + l], along, across)
         if formed:
-            _formed(s, job, curved, which, sides, coms, curves, shaped, about, acts, past)
+            _formed(s, ends, job, curved, which, sides, coms, curves, shaped, about, acts, past)
         if faded:
-            for o in range(0, _COMMON, _SIDE):
+            for o in range(0, ends, _SIDE):
                 for l in range(lanes):
                     relative = s[o + WM + l] / s[o + STRIBECK_W + l]
                     s[o + EXTRA + l] = friction.stribeck(relative, s[o + STRIBECK + l], exp_minus)
-        for o in range(0, _COMMON, _SIDE):
+        for o in range(0, ends, _SIDE):
             for l in range(lanes):
                 w = s[o + WM + l]
                 s[o + WN + l], s[o + WMN + l] = s[o + W + l], w
                 s[o + STICK + l] = friction.direction(w)
         if iterated:
             # What the current comes to at the bus before and an even speed.
-            for o in range(0, _COMMON, _SIDE):
+            for o in range(0, ends, _SIDE):
                 for l in range(lanes):
                     w, cur = s[o + WMN + l], s[o + CUR + l]
                     emf = s[o + KE + l] * w
@@ -566,7 +641,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                     )
                     s[o + MEAN + l] = motor.even_current(cur, volts, emf, decay, rise_v, mean_v, mean_i)
         if flexible:
-            for o in range(0, _COMMON, _SIDE):
+            for o in range(0, ends, _SIDE):
                 for l in range(lanes):
                     s[o + WAS + l], s[o + HELD + l] = s[o + CONTACT + l], s[o + FORCE + l]
                     free, restitution = s[o + CONTACT + l] == _FREE, s[o + RESTITUTION + l]
@@ -608,34 +683,42 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                     elapsed = s[NOW + l] + s[DONE + l] - s[BEGUN + l] - 0.5 * s[H + l]
                     bus = driver.unloaded_bus(s[SUPPLY + l], s[DECLINE + l], elapsed)
                     s[LEVEL + l] = (s[BUS_ROW + l] if s[MEASURED + l] > 0.0 else bus) / s[SUPPLY + l]
-            for o in range(0, _COMMON, _SIDE):
+            if by_torque:
+                for o in range(0, ends, _SIDE):
+                    for l in range(lanes):
+                        asked = s[o + VD + l] * s[LEVEL + l]
+                        s[o + DRIVE + l] = driver.amplifier(asked, s[o + LIM + l], s[PER_VOLT + l]) * s[RATIO + l]
+            else:
+                for o in range(0, ends, _SIDE):
+                    for l in range(lanes):
+                        w = s[o + WMN + l]
+                        ke = s[o + KE + l]
+                        asked = s[o + VD + l] * s[LEVEL + l]
+                        volts = driver.winding_voltage(
+                            asked, ke * w, s[o + LIM + l], s[o + DROP + l], s[o + KNEE + l], s[o + RES + l]
+                        )
+                        decay, rise_v, mean_v = s[o + DECAY + l], s[o + RISE_V + l], s[o + MEAN_V + l]
+                        c0, m0 = motor.armature(
+                            s[o + CUR + l], volts, ke, w, decay, rise_v, mean_v, s[o + MEAN_I + l], s[o + C1 + l]
+                        )
+                        s[o + C0 + l], s[o + M0 + l], s[o + DRIVE + l] = c0, m0, s[o + GKM + l] * m0
+            for o in range(0, ends, _SIDE):
                 for l in range(lanes):
-                    h = s[H + l]
-                    w = s[o + WMN + l]
-                    ke = s[o + KE + l]
-                    asked = s[o + VD + l] * s[LEVEL + l]
-                    volts = driver.winding_voltage(
-                        asked, ke * w, s[o + LIM + l], s[o + DROP + l], s[o + KNEE + l], s[o + RES + l]
-                    )
-                    decay, rise_v, mean_v = s[o + DECAY + l], s[o + RISE_V + l], s[o + MEAN_V + l]
-                    c0, m0 = motor.armature(
-                        s[o + CUR + l], volts, ke, w, decay, rise_v, mean_v, s[o + MEAN_I + l], s[o + C1 + l]
-                    )
-                    s[o + C0 + l], s[o + M0 + l] = c0, m0
-                    torque = s[o + GKM + l] * m0 + s[o + SHAPED + l]
+                    h, w = s[H + l], s[o + WMN + l]
+                    torque = s[o + DRIVE + l] + s[o + SHAPED + l]
                     slope = s[o + GKM + l] * s[o + M1 + l]
                     fluid = friction.viscous(s[o + FLUID + l], s[o + ASYM_V + l], w)
                     am, bm = motor.rotor_balance(h, s[o + INERTIA + l], fluid, torque, slope, w)
                     s[o + AM + l], s[o + BM + l] = am, bm
                     s[o + RIGID + l] = 1.0 / (am + s[LOAD_J + l])
-                    output = s[o + RADIUS + l] * s[o + FORCE + l] if trial == 0 else s[o + OUTPUT + l]
+                    output = s[o + RADIUS + l] * s[o + FORCE + l] if trial == 0 and axis == 0 else s[o + OUTPUT + l]
                     f = s[o + FRICTION + l] + s[o + EXTRA + l]
                     f += friction.by_load(s[o + LOAD + l], s[o + INPUT + l], output)
                     s[o + HI + l], s[o + LO + l] = friction.bounds(h, f, s[o + ASYM + l])
             if flexible:
                 # Implicit mid-point for the spring: its mean torque = turn + kap * (rotor - wheel), at the end of the
                 # step.
-                for o in range(0, _COMMON, _SIDE):
+                for o in range(0, ends, _SIDE):
                     for l in range(lanes):
                         h, am, load_j = s[H + l], s[o + AM + l], s[LOAD_J + l]
                         kap = gear.spring_gain(h, s[o + STIFF + l], s[o + DAMP + l])
@@ -648,14 +731,15 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
             # ---- velocities at the end of the step; a lane whose guess held finds the same again
             for attempt in range(20):
                 if flexible:
-                    for o in range(0, _COMMON, _SIDE):
+                    for o in range(0, ends, _SIDE):
                         for l in range(lanes):
                             h, kind, stick, load_j = s[H + l], s[o + CONTACT + l], s[o + STICK + l], s[LOAD_J + l]
                             stuck = s[DRY + l] > 0.0 and stick == 0.0
                             hi, lo, rigid_i = s[o + HI + l], s[o + LO + l], s[o + RIGID + l]
                             held_i, behind_i = s[o + HELD_I + l], s[o + BEHIND_I + l]
                             p = friction.impulse(stick, hi, lo)
-                            bw, bm, turn, kap = load_j * s[o + WN + l], s[o + BM + l], s[o + TURN + l], s[o + KAP + l]
+                            bw = load_j * s[o + WN + l] + h * s[WEIGHT + l]
+                            bm, turn, kap = s[o + BM + l], s[o + TURN + l], s[o + KAP + l]
                             # What the rotor is faster than the wheel afterwards, in contact with a flank.
                             forwards = kind == _PUSH_F
                             rotor, wheel = s[o + WMN + l], s[o + WN + l]
@@ -674,6 +758,12 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                             alpha = swung if kind == _SPRING else (rolled if kind == _FREE else alpha)
                             inverse = behind if kind == _SPRING else (free_i if kind == _FREE else inverse)
                             s[o + ALPHA + l], s[o + BETA + l] = alpha, h * s[o + RADIUS + l] * inverse
+                elif axis > 0:
+                    for l in range(lanes):
+                        stick, load = s[STICK + l], s[LOAD_J + l] * s[WN + l] + s[H + l] * s[WEIGHT + l]
+                        moves = 0.0 if s[DRY + l] > 0.0 and stick == 0.0 else 1.0
+                        p = friction.impulse(stick, s[HI + l], s[LO + l])
+                        s[ALPHA + l] = moves * ((s[BM + l] + load - p) * s[RIGID + l])
                 else:
                     for l in range(lanes):
                         for k in range(2):
@@ -683,41 +773,45 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                             p = friction.impulse(stick, hi, lo)
                             s[o + ALPHA] = moves * ((s[o + BM] + s[LOAD_J + l] * s[o + WN] - p) * s[o + RIGID])
                             s[o + BETA] = moves * (s[H + l] * s[o + RADIUS] * s[o + RIGID])
-                for l in range(lanes):
-                    s[BRAKE + l] = s[SPIN + l] * s[H + l] * s[SCRUB + l]
-                for turn in range(2 if scrubbed else 1):
-                    if turn == 1:
-                        for l in range(lanes):
-                            i12, i22, half, most = s[I12 + l], s[I22 + l], s[HALF + l], s[H + l] * s[SCRUB + l]
-                            a00, a11, wx, det = s[A00 + l], s[A11 + l], s[WX + l], s[DET + l]
-                            # Where the scrub would reverse the turn: the impulse that stops it, within its bound.
-                            gain = ground.scrub_gain(s[H + l], i12, i22, half, a00, a11, wx, det)
-                            stop = ground.stopping(s[BRAKE + l], s[RATE_N + l], gain, most, i22)
-                            reverses = s[SCRUB + l] != 0.0 and s[SPIN + l] * s[RATE_N + l] <= 0.0
-                            s[BRAKE + l] = stop if reverses else s[BRAKE + l]
+                if axis > 0:
                     for l in range(lanes):
-                        h = s[H + l]
-                        i11, i12, i22, half = s[I11 + l], s[I12 + l], s[I22 + l], s[HALF + l]
-                        w0, w1, wx = ground.wheel_moves(h, i11, i12, i22, half)
-                        a00 = s[RADIUS + l] * s[BETA + l] + w0 + s[GIVE + l]
-                        a11 = s[_SIDE + RADIUS + l] * s[_SIDE + BETA + l] + w1 + s[_SIDE + GIVE + l]
-                        det = 1.0 / (a00 * a11 - wx * wx)
-                        dv, dr = ground.body_moves(h, i11, i12, i22, s[GX + l], s[GZ + l], s[BRAKE + l])
-                        b0, b1 = _rim_gaps(s, l, half, dv, dr)
-                        f0, f1 = ground.tractions(a00, a11, wx, det, b0, b1)
-                        s[ASKED + l], s[_SIDE + ASKED + l] = f0, f1
-                        f0, f1 = _held_back(s, l, f0, f1, b0, b1, a00, a11, wx)
-                        s[FORCE + l], s[_SIDE + FORCE + l], s[DV + l] = f0, f1, dv
-                        s[A00 + l], s[A11 + l], s[WX + l], s[DET + l] = a00, a11, wx, det
-                        s[RATE_N + l] = s[RATE + l] + dr + ground.yawed(h, i12, i22, half, f0, f1)
-                for l in range(lanes):
-                    h, half = s[H + l], s[HALF + l]
-                    f0, f1 = s[FORCE + l], s[_SIDE + FORCE + l]
-                    s[V_N + l] = s[V + l] + s[DV + l] + ground.pushed(h, s[I11 + l], s[I12 + l], half, f0, f1)
-                    s[W + l] = s[ALPHA + l] - s[BETA + l] * f0
-                    s[_SIDE + W + l] = s[_SIDE + ALPHA + l] - s[_SIDE + BETA + l] * f1
+                        s[W + l] = s[ALPHA + l]
+                else:
+                    for l in range(lanes):
+                        s[BRAKE + l] = s[SPIN + l] * s[H + l] * s[SCRUB + l]
+                    for turn in range(2 if scrubbed else 1):
+                        if turn == 1:
+                            for l in range(lanes):
+                                i12, i22, half, most = s[I12 + l], s[I22 + l], s[HALF + l], s[H + l] * s[SCRUB + l]
+                                a00, a11, wx, det = s[A00 + l], s[A11 + l], s[WX + l], s[DET + l]
+                                # Where the scrub would reverse the turn: the impulse that stops it, within its bound.
+                                gain = ground.scrub_gain(s[H + l], i12, i22, half, a00, a11, wx, det)
+                                stop = ground.stopping(s[BRAKE + l], s[RATE_N + l], gain, most, i22)
+                                reverses = s[SCRUB + l] != 0.0 and s[SPIN + l] * s[RATE_N + l] <= 0.0
+                                s[BRAKE + l] = stop if reverses else s[BRAKE + l]
+                        for l in range(lanes):
+                            h = s[H + l]
+                            i11, i12, i22, half = s[I11 + l], s[I12 + l], s[I22 + l], s[HALF + l]
+                            w0, w1, wx = ground.wheel_moves(h, i11, i12, i22, half)
+                            a00 = s[RADIUS + l] * s[BETA + l] + w0 + s[GIVE + l]
+                            a11 = s[_SIDE + RADIUS + l] * s[_SIDE + BETA + l] + w1 + s[_SIDE + GIVE + l]
+                            det = 1.0 / (a00 * a11 - wx * wx)
+                            dv, dr = ground.body_moves(h, i11, i12, i22, s[GX + l], s[GZ + l], s[BRAKE + l])
+                            b0, b1 = _rim_gaps(s, l, half, dv, dr)
+                            f0, f1 = ground.tractions(a00, a11, wx, det, b0, b1)
+                            s[ASKED + l], s[_SIDE + ASKED + l] = f0, f1
+                            f0, f1 = _held_back(s, l, f0, f1, b0, b1, a00, a11, wx)
+                            s[FORCE + l], s[_SIDE + FORCE + l], s[DV + l] = f0, f1, dv
+                            s[A00 + l], s[A11 + l], s[WX + l], s[DET + l] = a00, a11, wx, det
+                            s[RATE_N + l] = s[RATE + l] + dr + ground.yawed(h, i12, i22, half, f0, f1)
+                    for l in range(lanes):
+                        h, half = s[H + l], s[HALF + l]
+                        f0, f1 = s[FORCE + l], s[_SIDE + FORCE + l]
+                        s[V_N + l] = s[V + l] + s[DV + l] + ground.pushed(h, s[I11 + l], s[I12 + l], half, f0, f1)
+                        s[W + l] = s[ALPHA + l] - s[BETA + l] * f0
+                        s[_SIDE + W + l] = s[_SIDE + ALPHA + l] - s[_SIDE + BETA + l] * f1
                 if flexible:
-                    for o in range(0, _COMMON, _SIDE):
+                    for o in range(0, ends, _SIDE):
                         for l in range(lanes):
                             h, kind, stick = s[H + l], s[o + CONTACT + l], s[o + STICK + l]
                             load_j, kap, dry = s[LOAD_J + l], s[o + KAP + l], s[DRY + l] > 0.0
@@ -734,6 +828,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                             s[o + WM + l] = wm
                             # Impulse the rotor passes on; flanks can push but not pull.
                             push = load_j * (w - s[o + WN + l]) + h * s[o + RADIUS + l] * s[o + FORCE + l]
+                            push -= h * s[WEIGHT + l]
                             turned = h * (turn - kap * w)
                             push = turned if kind == _SPRING else (0.0 if kind == _FREE else push)
                             need = bm - push
@@ -754,6 +849,19 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                         break
                     continue
                 again = 0
+                if axis > 0:
+                    for l in range(lanes):
+                        w, stick = s[W + l], s[STICK + l]
+                        s[WM + l] = w
+                        need = s[BM + l] + s[LOAD_J + l] * s[WN + l] + s[H + l] * s[WEIGHT + l]
+                        breaks = friction.breaks_away(need, s[HI + l], s[LO + l])
+                        other = breaks if stick == 0.0 else (0.0 if stick * w < 0.0 else stick)
+                        other = other if s[DRY + l] > 0.0 else stick
+                        again |= 1 if other != stick else 0
+                        s[STICK + l] = other
+                    if again == 0:
+                        break
+                    continue
                 for l in range(lanes):
                     h = s[H + l]
                     for k in range(2):
@@ -771,14 +879,17 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                     break
             if not iterated:
                 break
-            for o in range(0, _COMMON, _SIDE):
+            for o in range(0, ends, _SIDE):
                 for l in range(lanes):
                     w, wn, wm, wmn = s[o + W + l], s[o + WN + l], s[o + WM + l], s[o + WMN + l]
                     mean, plain = s[o + M0 + l] - s[o + M1 + l] * wm, s[o + FLUID + l]
                     s[o + MEAN + l] = mean
-                    torque, inertia = s[o + GKM + l] * mean, s[o + INERTIA + l]
+                    # With torques there is no current, and so no other drive than as the step began.
+                    torque = s[o + DRIVE + l] if by_torque else s[o + GKM + l] * mean
+                    inertia = s[o + INERTIA + l]
                     s[o + INPUT + l] = motor.gear_input(s[H + l], torque, plain, inertia, wmn, wm)
-                    s[o + OUTPUT + l] = s[LOAD_J + l] * (w - wn) / s[H + l] + s[o + RADIUS + l] * s[o + FORCE + l]
+                    output = s[LOAD_J + l] * (w - wn) / s[H + l] + s[o + RADIUS + l] * s[o + FORCE + l]
+                    s[o + OUTPUT + l] = output - s[WEIGHT + l]
             trial += 1
             if trial == TRIALS:
                 break
@@ -793,7 +904,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                     again = 1
                     _kept_state(s, l, initial_state[l], False)
         # ---- accept the step
-        for o in range(0, _COMMON, _SIDE):
+        for o in range(0, ends, _SIDE):
             for l in range(lanes):
                 h, w, wn, tau = s[H + l], s[o + WM + l], s[o + WMN + l], s[o + SPEED_TAU + l]
                 mean = s[o + M0 + l] - s[o + M1 + l] * w
@@ -808,7 +919,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                 seen, seen_n = wheel if behind else w, wheel_n if behind else wn
                 s[o + WF + l] = sensors.low_pass(s[o + WF + l], seen, seen_n, h, tau, s[o + FADE + l])
         if flexible:
-            for o in range(0, _COMMON, _SIDE):
+            for o in range(0, ends, _SIDE):
                 for l in range(lanes):
                     h, kind, play, w, wm = s[H + l], s[o + CONTACT + l], s[o + PLAY + l], s[o + W + l], s[o + WM + l]
                     wn, wmn, forwards = s[o + WN + l], s[o + WMN + l], kind == _PUSH_F
@@ -821,21 +932,22 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                     moved = met if returns else play + h * (wm - w)
                     s[o + PLAY + l] = bent if kind == _SPRING else (play if kind == _RIGID else moved)
                     s[o + CONTACT + l] = _FREE if returns else kind
-        for l in range(lanes):
-            h = s[H + l]
-            v_mid, rate_mid = 0.5 * (s[V + l] + s[V_N + l]), 0.5 * (s[RATE + l] + s[RATE_N + l])
-            turned = 0.5 * h * rate_mid
-            q = turned * turned
-            c, d = s[DIR_X + l], s[DIR_Y + l]
-            dc, ds = 1.0 + cos_less_one(q), sin(turned, q)
-            c, d = c * dc - d * ds, d * dc + c * ds
-            s[X + l] += h * v_mid * c
-            s[Y + l] += h * v_mid * d
-            s[DIR_X + l], s[DIR_Y + l] = c * dc - d * ds, d * dc + c * ds
-            s[YAW + l] += h * rate_mid
-            s[V + l], s[RATE + l] = s[V_N + l], s[RATE_N + l]
+        if axis == 0:
+            for l in range(lanes):
+                h = s[H + l]
+                v_mid, rate_mid = 0.5 * (s[V + l] + s[V_N + l]), 0.5 * (s[RATE + l] + s[RATE_N + l])
+                turned = 0.5 * h * rate_mid
+                q = turned * turned
+                c, d = s[DIR_X + l], s[DIR_Y + l]
+                dc, ds = 1.0 + cos_less_one(q), sin(turned, q)
+                c, d = c * dc - d * ds, d * dc + c * ds
+                s[X + l] += h * v_mid * c
+                s[Y + l] += h * v_mid * d
+                s[DIR_X + l], s[DIR_Y + l] = c * dc - d * ds, d * dc + c * ds
+                s[YAW + l] += h * rate_mid
+                s[V + l], s[RATE + l] = s[V_N + l], s[RATE_N + l]
         if slipping:
-            for o in range(0, _COMMON, _SIDE):
+            for o in range(0, ends, _SIDE):
                 for l in range(lanes):
                     whole = ground.sheared(
                         s[o + WHOLE + l], s[o + ASKED + l], s[o + TAKEN + l], s[o + TANGENT + l], s[o + GRIP + l]
@@ -844,7 +956,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                     tyre, slip, factor = s[o + TYRE + l], s[o + SLIP + l], s[o + PER_SHEAR + l]
                     s[o + TYRE + l] = ground.relaxed(s[H + l], tyre, slip, whole, factor)
         if formed:
-            _carried(s, job, curved, which, curves, redone, past)
+            _carried(s, ends, job, curved, which, curves, redone, past)
         if again > 0:
             for l in range(lanes):
                 if redone[l]:

@@ -24,7 +24,9 @@ MAX_UNSUPPORTED = 1
 EXCHANGES = 3
 # Numerical: budget of work (`Problem.work`) of a search, and of a quick one: a minute and a half, and half a minute.
 MOST_WORK, QUICK_WORK = 1.2e9, 4e8
-# Numerical: what is left for steps by runs left out, as a share of it.
+# Numerical: the share of it that an axis has: more found only other explanations of the measured ones.
+AXIS_SHARE = 0.16
+# Numerical: what is left for steps by runs left out, as a share of the budget.
 STEPS_SHARE = 0.25
 
 
@@ -36,18 +38,17 @@ class Limits:
 
     def __init__(self, problem: Problem, quick: bool):
         self.problem, self.quick, self.ended = problem, quick, False
+        self.most = (QUICK_WORK if quick else MOST_WORK) * (1.0 if problem.robot.axis is None else AXIS_SHARE)
         self.search_until = self.attribution_until = math.inf
 
     def begin(self) -> None:
         """Start both budgets. A case of an axis is searched three times, one of a robot twice."""
-        most = QUICK_WORK if self.quick else MOST_WORK
-        self.search_until, self.attribution_until = self.problem.work + most, self.problem.work + 2.0 * most
+        self.search_until, self.attribution_until = self.problem.work + self.most, self.problem.work + 2.0 * self.most
 
     def allow_steps(self) -> None:
         """Leave something for steps by runs left out, whatever was used before: what a beam ends in is rarely the best
         explanation of a measured machine."""
-        most = QUICK_WORK if self.quick else MOST_WORK
-        self.attribution_until = max(self.attribution_until, self.problem.work + STEPS_SHARE * most)
+        self.attribution_until = max(self.attribution_until, self.problem.work + STEPS_SHARE * self.most)
 
     def search_over_budget(self) -> bool:
         """Whether the search has used its budget. It then ends with what it has found."""
