@@ -77,7 +77,7 @@ _TORQUE, _VOLTAGE, _CONSTANT, _FORCE, _YAW = (
 _V, _HISTORY, _I, _W, _LOAD, _RATE, _HEADING, _TIME, _HEAT, _X, _Y = (
     OVER_CODE[name] for name in ("v_cmd", "command_history", "i", "w", "load", "yaw_rate", "yaw", "t", "heat", "x", "y")
 )
-_GYRO, _DAMPING = TERM_CODE["gyro_sensor"], TERM_CODE["damping"]
+_FIRST_READ, _GYRO, _DAMPING = (TERM_CODE[name] for name in ("current_sensor", "gyro_sensor", "damping"))
 # What the forms of a side come to in a step: torque that drives; levels of dry friction against turning forwards and
 # backwards; friction by speed, N·m·s/rad; voltage; relative torque constant; force; torque about the vertical; and its
 # part against the yaw rate that can hold the robot.
@@ -185,10 +185,10 @@ def act(rows, quantities, past, acts):
     for n in range(ACTS):
         acts[n] = 0.0
     for n in range(MOST_FORMS):
+        if rows[n][TERM] == 0.0:
+            continue
         row = rows[n]
         term, over = int(row[TERM]), int(row[OVER])
-        if term == 0:
-            continue
         if over == _HEAT:
             x = past[HEATS + n]
         else:
@@ -254,9 +254,8 @@ def follow(rows, volts, past):
     """
     slack = -1.0
     for n in range(MOST_FORMS):
-        row = rows[n]
-        if row[TERM] != 0.0 and row[OVER] == _HISTORY:
-            slack = max(slack, TURNS_BY * row[HIGH])
+        if rows[n][TERM] != 0.0 and rows[n][OVER] == _HISTORY:
+            slack = max(slack, TURNS_BY * rows[n][HIGH])
     if slack < 0.0:
         return
     size, extreme = abs(volts), abs(past[EXTREME])
@@ -307,12 +306,16 @@ def remember(rows, torque, current, h, past):
     rows : (MOST_FORMS, WIDTH); torque : N·m that the gear delivered and current : A in the mean of the step; h : s;
     past : (PAST,), changed.
     """
-    past[GEAR_LOAD] = filtered_load(past[GEAR_LOAD], torque, h)
+    # Each replay with a form passes here at each step: an exponential is taken only for a form that asks for it.
+    over_load = False
     for n in range(MOST_FORMS):
+        over_load |= rows[n][TERM] != 0.0 and rows[n][OVER] == _LOAD
+        # Only a form over a heat has one.
         tau = rows[n][TAU]
-        # Only a form over a heat has one. Each replay with a form passes here at each step: one number is looked at.
         if tau > 0.0:
             past[HEATS + n] = warmed(past[HEATS + n], current, h, tau)
+    if over_load:
+        past[GEAR_LOAD] = filtered_load(past[GEAR_LOAD], torque, h)
 
 
 @loop
@@ -320,9 +323,8 @@ def reads(rows, term, over, x):
     """What a side's forms add to a sensor's reading of x, in x's unit; term, over : their codes."""
     total = 0.0
     for n in range(MOST_FORMS):
-        row = rows[n]
-        if row[TERM] == term and row[OVER] == over:
-            total += curve(row, x)[0]
+        if rows[n][TERM] == term and rows[n][OVER] == over:
+            total += curve(rows[n], x)[0]
     return total
 
 
@@ -343,10 +345,30 @@ def any_of(rows):
 
 
 @loop
+def any_read(rows):
+    """Whether one of the forms (2, MOST_FORMS, WIDTH) is of what a sensor reads."""
+    for k in range(rows.shape[0]):
+        for n in range(MOST_FORMS):
+            if _FIRST_READ <= rows[k, n, TERM] <= _GYRO:
+                return True
+    return False
+
+
+@loop
+def any_remembered(rows):
+    """Whether one of the forms (2, MOST_FORMS, WIDTH) runs over what is remembered of steps before."""
+    for k in range(rows.shape[0]):
+        for n in range(MOST_FORMS):
+            if rows[k, n, TERM] != 0.0 and (rows[k, n, OVER] == _LOAD or rows[k, n, OVER] == _HEAT):
+                return True
+    return False
+
+
+@loop
 def holds(rows):
     """Whether a side's forms (MOST_FORMS, WIDTH) hold dry friction."""
     for n in range(MOST_FORMS):
-        over = rows[n, OVER]
-        if rows[n, TERM] == _TORQUE and (over == _W or over == _LOAD or over == _HEAT):
+        over = rows[n][OVER]
+        if rows[n][TERM] == _TORQUE and (over == _W or over == _LOAD or over == _HEAT):
             return True
     return False

@@ -174,10 +174,10 @@ def _served(s, o, l, com, c_gain, wanted, integral, told):
 
 
 @loop
-def _carried(s, ends, job, curved, which, curves, redone, past):
+def _carried(s, ends, job, recalls, which, curves, redone, past):
     """Take what forms remember to the end of a step, which some lanes take once more; arguments: see `replay_batch`."""
     for l in range(SIMD_WIDTH):
-        if not curved[l] or redone[l]:
+        if not recalls[l] or redone[l]:
             continue
         for k in range(ends // _SIDE):
             o = k * _SIDE + l
@@ -324,7 +324,8 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
     # Of servos: reference, rad/s, integral, V, and when they sample next, s.
     wanted, integral, next_servo = np.zeros((2, SIMD_WIDTH)), np.zeros((2, SIMD_WIDTH)), np.full(SIMD_WIDTH, NEVER)
     shapes = np.zeros(SIMD_WIDTH, np.bool_)
-    curved = np.zeros(SIMD_WIDTH, np.bool_)
+    # Whether a lane has forms, forms of readings, and forms that remember.
+    curved, reads, recalls = np.zeros((3, SIMD_WIDTH), np.bool_)
     about, acts = np.zeros(forms.ABOUT), np.zeros(forms.ACTS)
     past = np.zeros((SIMD_WIDTH, 2, forms.PAST))
     given = 0
@@ -384,6 +385,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                             wanted[k, l] = 0.0
                             integral[k, l] = _held_integral(of_model, k, coms[model], starts[r])
                     curved[l] = forms.any_of(curves[model])
+                    reads[l], recalls[l] = forms.any_read(curves[model]), forms.any_remembered(curves[model])
                     shapes[l] = one.shaped_by(of_model, 0) or one.shaped_by(of_model, 1)
                     plays[l] = s[BACKLASH + l] > 0.0 or s[_SIDE + BACKLASH + l] > 0.0
                     shaped = heated = scrubbed = pulled = faded = filtered = slipping = iterated = flexible = False
@@ -438,7 +440,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                             out[row, 5 + i] = (s[o + TH] + before) * s[o + W_GAIN]
                         if axis == 0:
                             out[row, 7] = sensors.scaled(s[RATE + l], s[GYRO_GAIN + l], s[GYRO_BIAS + l])
-                        if curved[l]:
+                        if reads[l]:
                             _read(out, row, curves, which[job[l], 0], held_s, l, ts[k] - s[DELAY + l] - s[BEGUN + l])
                         k += 1
                         at = ts[k] - s[DELAY + l] if k < end else NEVER
@@ -453,7 +455,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                             k = lagging[i, l]
                             while k < end and ts[k] - later <= due:
                                 speed = _speed_read(s, o, l)
-                                if curved[l]:
+                                if reads[l]:
                                     speed += _told(curves, which[job[l], 0], i, speed)
                                 if ts[k] - later < ts[begin[l]]:
                                     # As in `kernel.replay`.
@@ -478,7 +480,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                         s[o + INERTIA] = s[o + GRIP] = s[o + THETA] = s[o + PER_SHEAR] = 1.0
                         s[o + RES] = s[o + IND] = s[o + STRIBECK_W] = 1.0
                     shapes[l] = False
-                    curved[l] = False
+                    curved[l] = reads[l] = recalls[l] = False
                     plays[l] = False
                     continue
                 changed = False
@@ -514,7 +516,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                     for i in range(ends // _SIDE):
                         o = i * _SIDE + l
                         told = (s[o + W] if s[AT_WHEEL + l] > 0.0 else s[o + WM]) * s[o + W_GAIN]
-                        if curved[l]:
+                        if reads[l]:
                             told += _told(curves, which[job[l], 0], i, told)
                         c_gain = of_model[i, one.C_GAIN]
                         integral[i, l] = _served(s, o, l, com, c_gain, wanted[i, l], integral[i, l], told)
@@ -956,7 +958,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                     tyre, slip, factor = s[o + TYRE + l], s[o + SLIP + l], s[o + PER_SHEAR + l]
                     s[o + TYRE + l] = ground.relaxed(s[H + l], tyre, slip, whole, factor)
         if formed:
-            _carried(s, ends, job, curved, which, curves, redone, past)
+            _carried(s, ends, job, recalls, which, curves, redone, past)
         if again > 0:
             for l in range(lanes):
                 if redone[l]:
