@@ -23,6 +23,8 @@ from rtds_host.diagnosis.residual import Comparison, RunData, run_residual
 # Numerical: what a step takes where lanes wait for each other's free play, and whitening a residual, in steps of a
 # replay in a batch; how much longer a step takes whose friction or bus needs its own result.
 WAITING, WHITENED, ITERATED = 3.0, 0.35, 1.6
+# Numerical: work, in the same unit, below which another thread takes longer to begin than it saves.
+SHORT = 1e5
 # Numerical: into how many shares the runs of models that go alone are parted, for all cores.
 SHARES = 8
 # Numerical: starts whose inputs are kept: the one that is searched, and those that it is compared with.
@@ -54,6 +56,7 @@ class Replayer:
         taken = sum(_taken(model, step_s, runs) + WHITENED * size for model, step_s in zip(models, steps))
         self.work += taken
         spend(taken)
+        threads = self.threads if taken > SHORT else 1
         # Those with springs or free play side by side: what one lane has is computed in all.
         batched = sorted(range(len(models)), key=lambda k: (models[k].slow, steps[k]))
         batch = self.batch(runs)
@@ -61,7 +64,7 @@ class Replayer:
         if not batch.worth(models):
             alone, batched = sorted(batched), []
         # Few models keep all cores busy by parts of their runs.
-        parts = math.ceil(SHARES / len(alone)) if alone and self.threads > 1 else 1
+        parts = math.ceil(SHARES / len(alone)) if alone and threads > 1 else 1
         shares = np.array_split(np.arange(len(runs)), min(len(runs), parts)) if alone else []
         compared = self._compared(batch, runs)
         jobs = deque(
@@ -74,7 +77,7 @@ class Replayer:
         if batched:
             # Lanes are to be full, and shares for all cores, but none so large that its replays leave the cache.
             lanes = len(batched) * len(runs) // SIMD_WIDTH
-            count = min(len(batched), max(lanes // 4, min(lanes, self.threads), 1))
+            count = min(len(batched), max(lanes // 4, min(lanes, threads), 1))
             jobs.extend(
                 functools.partial(
                     _together,
@@ -97,7 +100,7 @@ class Replayer:
                     return
                 job()
 
-        others = [self.pool.submit(do_jobs) for _ in range(min(self.threads, len(jobs)) - 1)]
+        others = [self.pool.submit(do_jobs) for _ in range(min(threads, len(jobs)) - 1)]
         do_jobs()
         for other in others:
             other.result()
