@@ -46,8 +46,9 @@ LEAST_GAP = (1.0 + 1e-9) * gaps.LEAST
 # Numerical: forms of each screening that are fitted roughly at each turn, in a narrow search and in a wide one; how
 # many of these to convergence. Of a screening in the place of names as many are fitted roughly.
 TRIED, FITTED = {True: 4, False: 6}, {True: 2, False: 4}
-# Numerical: parts of the way from an effect's size next to curves to its size without any.
-PARTS = 3
+# Numerical: parts of the way from an effect's size next to curves to its size without any: the first two are compared,
+# the others taken in turn while curves lose their support on the way.
+PARTS = (1, 3, 6, 12)
 # Numerical: work (`Problem.work`) after which no further form is looked for, with a narrow search and with a wide one:
 # about a quarter of a minute, and a minute and a half. No time, or the answer would hang on the processor.
 MOST_WORK = {True: 1.7e9, False: 1e10}
@@ -139,8 +140,12 @@ def keep_sizes(problem: Problem, found: Found) -> None:
     if not held:
         return
     # Derivatives hold near where they were taken: one step goes by those at its end, parts by those at each start.
-    fits = [_with_sizes_of(problem, found, held, parts) for parts in (1, PARTS)]
-    kept = min((HeldOutScore.of(problem, renewed(problem, fit)) for fit in fits), key=lambda one: one.gap)
+    ways: list[HeldOutScore] = []
+    for parts in PARTS:
+        ways.append(HeldOutScore.of(problem, renewed(problem, _with_sizes_of(problem, found, held, parts))))
+        kept = min(ways, key=lambda one: one.gap)
+        if len(ways) > 1 and pooled(kept, found.judged[0]) <= MAX_RESIDUAL_RATIO:
+            break
     shapes_of_curves = [cause for cause in held if _made_by_curves(found, cause, MINOR_SHARE) is not None]
     if not shapes_of_curves and pooled(found.judged[-1], kept) <= MAX_RESIDUAL_RATIO:
         return  # the runs do say how much of the sum is the effect's
