@@ -198,8 +198,28 @@ class _Answer:
         return effect, "" if self.axis else side
 
 
-def _match(want: dict, side: str, answer: _Answer, base: _Answer) -> dict | None:
-    """How an answer holds one equivalent of the planted change; None where it does not."""
+def _replaced(want: dict, side: str, answer: _Answer, base: _Answer, sharing: list[dict]) -> float | None:
+    """The ratio that the base gives to equivalents of the planted change whose place `want` takes in the answer; None
+    where it gives none.
+
+    A base that names a speed's gain of 0.76 and an answer that names a driver's gain of 0.57 in its place differ by
+    0.57 / 0.76 where either does as well.
+    """
+    found, planted = [], math.log(want["low"])
+    for other in sharing:
+        if other["parameter"] != "ratio" or other["id"] == want["id"]:
+            continue
+        places = {answer.key(other["id"], where) for where in (side, "both")}
+        size = math.log(other["low"]) / planted
+        if places & set(answer.effects) or not math.isclose(abs(size), 1.0, rel_tol=1e-3):
+            continue
+        ratios = [_value(base.effects[key], "ratio")[0] for key in places & set(base.effects)]
+        found += [ratio ** round(size) for ratio in ratios if ratio]
+    return math.prod(found) if found else None
+
+
+def _match(want: dict, side: str, answer: _Answer, base: _Answer, sharing: list[dict]) -> dict | None:
+    """How an answer holds one equivalent of the planted change; None where it does not. sharing : all equivalents."""
     key = answer.key(want["id"], side if EFFECTS[want["id"]][1] else "both")
     ratio = want["parameter"] == "ratio"
     low, high = (_change(want[end], None, ratio) for end in ("low", "high"))
@@ -213,6 +233,8 @@ def _match(want: dict, side: str, answer: _Answer, base: _Answer) -> dict | None
         gone = [k for k in base.effects if k[0] in DELAYS and k not in answer.effects]
         sizes = [_value(base.effects[k], DELAYS[k[0]])[0] for k in gone]
         before = sum(x for x in sizes if x is not None) or None
+    if before is None and ratio:
+        before = _replaced(want, side, answer, base, sharing)
     change = _change(value, before, ratio)
     target = min(max(change, low), high)
     if not target * change > 0 or not 1 / FACTOR <= change / target <= FACTOR:
@@ -251,10 +273,11 @@ def judge_planted(truth: dict, said: dict | None, base_said: dict | None, entry:
     """
     axis = truth["axis"]
     answer, base = _Answer(said, axis), _Answer(base_said, axis)
-    same = [m for want in truth["same"] if (m := _match(want, truth["side"], answer, base))]
-    alike = [m for want in truth["alike"] if (m := _match(want, truth["side"], answer, base))]
+    equivalents = [*truth["same"], *truth["alike"]]
+    same = [m for want in truth["same"] if (m := _match(want, truth["side"], answer, base, equivalents))]
+    alike = [m for want in truth["alike"] if (m := _match(want, truth["side"], answer, base, equivalents))]
     named = [m for m in same if m["named"]]
-    sharing = {want["id"] for want in (*truth["same"], *truth["alike"])}
+    sharing = {want["id"] for want in equivalents}
     forms = set(base.effects) | {
         (wide, side) for wide, part in WIDER.items() for name, side in base.effects if name == part
     }

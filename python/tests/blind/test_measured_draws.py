@@ -351,6 +351,19 @@ def test_a_delay_that_takes_the_place_of_the_bases_filter_holds_both_sizes():
     assert measured.judge_planted(late, both, base, ENTRY)["match"]["expected"] == pytest.approx([0.01, 0.01])
 
 
+def test_a_gain_that_takes_the_place_of_the_bases_equivalent_holds_both_sizes():
+    reading = {"id": "speed_gain", "subsystem": "sensing", "parameter": "ratio", "low": 0.8, "high": 0.8}
+    winding = {"id": "resistance_error", "subsystem": "motor", "parameter": "ratio", "low": 1.25, "high": 1.25}
+    gain = {**GAIN, "alike": [reading, winding]}
+    answer = says(effect("driver_gain", ratio=(0.6, [0.58, 0.63])))
+    for base in (says(effect("speed_gain", "both", ratio=0.75)), says(effect("resistance_error", ratio=1 / 0.75))):
+        r = measured.judge_planted(gain, answer, base, ENTRY)
+        assert r["named"] and r["covered"] and r["match"]["expected"] == pytest.approx([0.6, 0.6])
+    # What the answer names as well holds its own size.
+    kept = says(effect("driver_gain", ratio=0.6), effect("speed_gain", ratio=0.75))
+    assert not measured.judge_planted(gain, kept, says(effect("speed_gain", ratio=0.75)), ENTRY)["named"]
+
+
 def test_a_wider_form_of_what_the_base_names_is_neither_new_nor_lost():
     wider = effect("stribeck_friction", torque_nm=0.03, extra_torque_nm=0.01, speed_rad_s=1.0)
     r = measured.judge_planted(MASS, says(wider, effect("payload_error", mass_kg=0.1)), BASE, ENTRY)
