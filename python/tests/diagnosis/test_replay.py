@@ -30,6 +30,7 @@ from rtds_host.diagnosis.replay.model import (
 )
 from rtds_host.diagnosis.residual import CHANNELS, run_residual
 from rtds_host.diagnosis.screen import available, start_values
+from rtds_host.plant import forms
 from rtds_host.plant.elementary import sine
 from rtds_host.plant.schema import OUTPUT_INDEX, OUTPUTS
 
@@ -339,6 +340,11 @@ def test_replays_of_an_axis_in_a_batch_are_those_one_by_one(kind, mode, tmp_path
         if len(models) % 3 == 0:
             model.declare(encoder_at_wheel=1.0)
         models.append(model)
+    formed = nominal_model(robot)
+    for row, (term, over) in zip(formed.forms[0], [("torque", "w"), ("torque", "load"), ("speed_sensor", "w")]):
+        row[[forms.TERM, forms.OVER, forms.LOW, forms.HIGH]] = forms.TERM_CODE[term], forms.OVER_CODE[over], 0.0, 3.0
+        forms.values_in(row)[:] = 0.01 * np.repeat([1.0, -1.0], forms.HALF)  # friction, with a jump at zero
+    models.append(formed)
     # One that runs away leaves those next to it as they are.
     models[1].put("rotor_inertia", -1.01 * load_inertia(models[1].common, 0.0) / models[1].get("gear_ratio") ** 2)
     noise = np.array([robot.noise(name) or 1.0 for name in OUTPUTS])

@@ -164,7 +164,7 @@ def _held_integral(side, k, com, start):
 
 
 @loop
-def _served(s, o, l, com, c_gain, wanted, integral, told):
+def _served(s, o, com, c_gain, wanted, integral, told):
     """Put a servo's voltage, V, into a lane's side; its integral then, V. told : measured speed, rad/s."""
     limit = min(com[one.SERVO_LIMIT], com[one.SUPPLY])
     miss = wanted * c_gain - told
@@ -519,7 +519,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                         if reads[l]:
                             told += _told(curves, which[job[l], 0], i, told)
                         c_gain = of_model[i, one.C_GAIN]
-                        integral[i, l] = _served(s, o, l, com, c_gain, wanted[i, l], integral[i, l], told)
+                        integral[i, l] = _served(s, o, com, c_gain, wanted[i, l], integral[i, l], told)
                     while next_servo[l] <= due:
                         next_servo[l] += com[one.SERVO_T]
                     changed = True
