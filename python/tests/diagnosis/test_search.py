@@ -967,7 +967,7 @@ def test_a_fit_by_the_starts_derivatives_ends_where_another_does_with_fewer_repl
 
 
 def test_work_counts_what_a_step_of_an_axis_takes(tmp_path):
-    """An axis' replays go one by one, with free play too; a friction by the load is found by a second pass."""
+    """A friction by the load is found by a second pass; with free play the lanes of a batch wait for one another."""
     problem = Problem(read_case(write_axis_case(tmp_path / "case", "inertia", "voltage")), 1)
     work = {}
     for name, changes in {"plain": {}, "play": {"backlash": 0.01}, "load": {"load_share": 0.1}}.items():
@@ -975,7 +975,7 @@ def test_work_counts_what_a_step_of_an_axis_takes(tmp_path):
         model.declare(**changes)
         problem.residuals([model], [model.step_s])
         work[name] = problem.work - before
-    assert work["plain"] == work["play"] < work["load"]
+    assert work["plain"] < work["load"] < work["play"]
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 5])
