@@ -83,7 +83,8 @@ class Replayer:
                     _together,
                     batch,
                     compared,
-                    list(zip(runs, rows)),
+                    runs,
+                    rows,
                     [models[k] for k in part],
                     [found[k] for k in part],
                     [steps[k] for k in part],
@@ -182,7 +183,20 @@ def _alone(
 ) -> None:
     """Fill in the residual of a share of the runs, from one to before another."""
     first, last = share
-    out = batch.replay_alone(model, first, last, step_s)
+    _compare(batch, compared, runs, rows, share, batch.replay_alone(model, first, last, step_s), into)
+
+
+def _compare(
+    batch: ReplayBatch,
+    compared: Comparison | None,
+    runs: Sequence[RunData],
+    rows: Sequence[slice],
+    share: tuple[int, int],
+    out: np.ndarray,
+    into: np.ndarray,
+) -> None:
+    """Fill in the residual of a share of the runs from their replay (rows, 11)."""
+    first, last = share
     first_row = batch.rows[first]
     if compared is not None:
         compared.residual(out, first_row, slice(rows[first].start, rows[last - 1].stop), into)
@@ -194,14 +208,11 @@ def _alone(
 def _together(
     batch: ReplayBatch,
     compared: Comparison | None,
-    runs: list[tuple[RunData, slice]],
+    runs: Sequence[RunData],
+    rows: Sequence[slice],
     models: list[Model],
     into: list[np.ndarray],
     steps: list[float],
 ) -> None:
     for found, outs in zip(into, batch.replay(models, steps)):
-        if compared is not None:
-            compared.residual(outs, 0, slice(runs[0][1].start, runs[-1][1].stop), found)
-            continue
-        for (data, rows), first, last in zip(runs, batch.rows, batch.rows[1:]):
-            run_residual(data, outs[first:last], found[rows])
+        _compare(batch, compared, runs, rows, (0, len(runs)), outs, found)

@@ -82,6 +82,27 @@ def load_inertia(com, payload):
     return com[JW] if axis == 0 else own + swung
 
 
+@law
+def held_integral(side, k, com, current, speed):
+    """Integral, V, with which a side's servo begins a run; current : A and speed : rad/s as it begins."""
+    ratio = com[GEAR]
+    # What an axis reports in its first row may be noise, with any sign.
+    drawn, brake = (current, side[k, COULOMB]) if com[AXIS] == 0.0 else (0.0, 0.0)
+    damping = ratio * ratio * side[k, B] + side[k, VISCOUS_W]
+    limit = min(com[SERVO_LIMIT], com[SUPPLY])
+    return driver.holding(
+        drawn, speed, side[k, R], side[k, KB] * ratio, damping, brake, side[k, V_GAIN], com[KI], limit
+    )
+
+
+@law
+def served(side, k, com, wanted, integral, told):
+    """Voltage, V, and integral, V, of a side's servo after a sample; wanted, told : asked and measured speed, rad/s."""
+    limit = min(com[SERVO_LIMIT], com[SUPPLY])
+    miss = wanted * side[k, C_GAIN] - told
+    return driver.servo(miss, integral, com[KP], com[KI], com[SERVO_T], limit, com[RELEASE])
+
+
 @loop
 def _followed(angle, t_cmd, kc, k, time):
     """A wheel's measured angle, rad, at a time, s, between the rows of the commands in force and next."""
@@ -155,10 +176,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
         wm[k] = w[k]
         wf[k] = sensors.behind(w[k], start[9 + k] / side[k, W_GAIN], side[k, W_TAU], side[k, W_DELAY])
         cur[k] = sensors.initial_current(start[7 + k], start[11 + k], start[13 + k], side[k, I_GAIN], side[k, I_BIAS])
-        # What an axis reports in its first row may be noise, with any sign.
-        drawn, brake = (cur[k], side[k, COULOMB]) if axis == 0 else (0.0, 0.0)
-        limit = min(com[SERVO_LIMIT], supply)
-        integ[k] = driver.holding(drawn, w[k], side[k, R], ke[k], plain[k], brake, side[k, V_GAIN], com[KI], limit)
+        integ[k] = held_integral(side, k, com, cur[k], w[k])
         contact[k] = gear.SPRING if side[k, STIFF] > 0.0 else (gear.FREE if side[k, BACKLASH] > 0.0 else gear.RIGID)
         flexible = flexible or contact[k] != gear.RIGID
         dry = dry or dry_of(side, k, com) or (curves is not None and forms.holds(curves[k]))
@@ -288,9 +306,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                 told = seen[k] * side[k, W_GAIN]
                 if curves is not None:
                     told += forms.reads(curves[k], SPEED, OVER_W + 1, told)
-                miss = wanted[k] * side[k, C_GAIN] - told
-                limit = min(com[SERVO_LIMIT], supply)
-                va[k], integ[k] = driver.servo(miss, integ[k], com[KP], com[KI], com[SERVO_T], limit, com[RELEASE])
+                va[k], integ[k] = served(side, k, com, wanted[k], integ[k], told)
             while servo_next <= now + 1e-9:
                 servo_next += com[SERVO_T]
         if changed:

@@ -151,26 +151,12 @@ def _read(out, row, curves, model, held_s, l, elapsed):
 
 
 @law
-def _held_integral(side, k, com, start):
-    """Integral of a side's servo, V, with which a run begins, as in `kernel.replay`."""
-    ratio, gain = com[one.GEAR], side[k, one.W_GAIN]
-    robot = com[one.AXIS] == 0.0
-    cur = sensors.initial_current(start[7 + k], start[11 + k], start[13 + k], side[k, one.I_GAIN], side[k, one.I_BIAS])
-    drawn, brake = (cur, side[k, one.COULOMB]) if robot else (0.0, 0.0)
-    plain = ratio * ratio * side[k, one.B] + side[k, one.VISCOUS_W]
-    limit = min(com[one.SERVO_LIMIT], com[one.SUPPLY])
-    speed, constant = start[5 + k] / gain, side[k, one.KB] * ratio
-    return driver.holding(drawn, speed, side[k, one.R], constant, plain, brake, side[k, one.V_GAIN], com[one.KI], limit)
-
-
-@loop
-def _served(s, o, com, c_gain, wanted, integral, told):
-    """Put a servo's voltage, V, into a lane's side; its integral then, V. told : measured speed, rad/s."""
-    limit = min(com[one.SERVO_LIMIT], com[one.SUPPLY])
-    miss = wanted * c_gain - told
-    volts, integral = driver.servo(miss, integral, com[one.KP], com[one.KI], com[one.SERVO_T], limit, com[one.RELEASE])
-    s[o + VA] = volts
-    return integral
+def _sticks(stick, speed, need, hi, lo, dry):
+    """Which way a rotor turns once its speed, rad/s, is known, 0 while it is stuck, as 1, -1 or 0: a stuck one breaks
+    away by the impulse that holding it would need, and one that would turn round stops."""
+    breaks = friction.breaks_away(need, hi, lo)
+    other = breaks if stick == 0.0 else (0.0 if stick * speed < 0.0 else stick)
+    return other if dry > 0.0 else stick
 
 
 @loop
@@ -383,7 +369,8 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                         next_servo[l] = now
                         for k in range(ends // _SIDE):
                             wanted[k, l] = 0.0
-                            integral[k, l] = _held_integral(of_model, k, coms[model], starts[r])
+                            o = k * _SIDE + l
+                            integral[k, l] = one.held_integral(of_model, k, coms[model], s[o + CUR], s[o + W])
                     curved[l] = forms.any_of(curves[model])
                     reads[l], recalls[l] = forms.any_read(curves[model]), forms.any_remembered(curves[model])
                     shapes[l] = one.shaped_by(of_model, 0) or one.shaped_by(of_model, 1)
@@ -518,8 +505,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                         told = (s[o + W] if s[AT_WHEEL + l] > 0.0 else s[o + WM]) * s[o + W_GAIN]
                         if reads[l]:
                             told += _told(curves, which[job[l], 0], i, told)
-                        c_gain = of_model[i, one.C_GAIN]
-                        integral[i, l] = _served(s, o, com, c_gain, wanted[i, l], integral[i, l], told)
+                        s[o + VA], integral[i, l] = one.served(of_model, i, com, wanted[i, l], integral[i, l], told)
                     while next_servo[l] <= due:
                         next_servo[l] += com[one.SERVO_T]
                     changed = True
@@ -856,9 +842,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                         w, stick = s[W + l], s[STICK + l]
                         s[WM + l] = w
                         need = s[BM + l] + s[LOAD_J + l] * s[WN + l] + s[H + l] * s[WEIGHT + l]
-                        breaks = friction.breaks_away(need, s[HI + l], s[LO + l])
-                        other = breaks if stick == 0.0 else (0.0 if stick * w < 0.0 else stick)
-                        other = other if s[DRY + l] > 0.0 else stick
+                        other = _sticks(stick, w, need, s[HI + l], s[LO + l], s[DRY + l])
                         again |= 1 if other != stick else 0
                         s[STICK + l] = other
                     if again == 0:
@@ -872,9 +856,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                         s[o + WM] = w
                         need = s[o + BM] + s[LOAD_J + l] * s[o + WN] - h * s[o + RADIUS] * force
                         stick = s[o + STICK]
-                        breaks = friction.breaks_away(need, s[o + HI], s[o + LO])
-                        other = breaks if stick == 0.0 else (0.0 if stick * w < 0.0 else stick)
-                        other = other if s[DRY + l] > 0.0 else stick
+                        other = _sticks(stick, w, need, s[o + HI], s[o + LO], s[DRY + l])
                         again |= 1 if other != stick else 0
                         s[o + STICK] = other
                 if again == 0:
