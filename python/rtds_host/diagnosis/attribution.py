@@ -116,7 +116,11 @@ def _eliminated(search: Search, fit: Fit, rejected: dict[Cause, str]) -> Attribu
             rejected[cause] = why
             (fit,) = store.converged(removing.without(store, fit, cause))
             continue
-        refitted = store.converged(removing.without(store, fit, *fit.hypothesis))
+        refitted = removing.without(store, fit, *fit.hypothesis)
+        if store.within_noise(fit):
+            refitted = store.converged(refitted)
+        else:
+            fit, *refitted = store.settled([fit, *refitted])
         effects = [_evidence_for(store, fit, cause, one) for cause, one in zip(fit.hypothesis, refitted)]
         removed = _weakest(store, fit, effects)
         if removed is None:

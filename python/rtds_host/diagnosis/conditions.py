@@ -18,19 +18,19 @@ from rtds_host.diagnosis.thresholds import SIGNIFICANT
 STRAIGHT = 0.02
 
 
-def _logged(case: Case, *channels: str) -> bool:
+def logged(case: Case, *channels: str) -> bool:
     """Whether any of these channels, named without side, is logged in any run."""
     return any(log.has(c) for log in case.runs for c in log.columns if c.split("_")[0] in channels)
 
 
 def no_pose(case: Case) -> bool:
     """Whether no pose is logged, neither place nor heading."""
-    return not _logged(case, "x", "y", "yaw")
+    return not logged(case, "x", "y", "yaw")
 
 
 def no_place(case: Case) -> bool:
     """Whether no x and no y is logged."""
-    return not _logged(case, "x", "y")
+    return not logged(case, "x", "y")
 
 
 def angles_known(case: Case) -> bool:
@@ -41,7 +41,7 @@ def angles_known(case: Case) -> bool:
     phase in each run then.
     """
     pendulum = case.robot.axis is not None and case.robot.axis.kind == "pendulum"
-    return pendulum or len(case.runs) == 1 or _logged(case, "th")
+    return pendulum or len(case.runs) == 1 or logged(case, "th")
 
 
 def _straight(case: Case) -> bool:
@@ -65,7 +65,7 @@ def straight_without_place(case: Case) -> bool:
 
 def speed_alone(case: Case) -> bool:
     """Whether nothing but speeds and angles of wheels, and the bus, is logged."""
-    return not _logged(case, "i", "gyro", "x", "y", "yaw")
+    return not logged(case, "i", "gyro", "x", "y", "yaw")
 
 
 def one_way(case: Case) -> bool:
@@ -100,10 +100,11 @@ def no_current_no_reversal(case: Case) -> bool:
     """Whether no current is logged, and no wheel turns back within a run: forwards in one and backwards in another
     shows no more.
     """
-    return not _logged(case, "i") and all(one_way(replace(case, runs=(log,))) for log in case.runs)
+    return not logged(case, "i") and all(one_way(replace(case, runs=(log,))) for log in case.runs)
 
 
-def _axis_without_gravity(case: Case) -> bool:
+def axis_without_gravity(case: Case) -> bool:
+    """Whether it is a single axis on which no weight acts."""
     return case.robot.axis is not None and case.robot.axis.kind != "pendulum"
 
 
@@ -113,7 +114,7 @@ def rotor_counts(case: Case) -> bool:
     """
     robot = case.robot
     axis, motor = robot.axis, robot.motor
-    if axis is None or not _axis_without_gravity(case):
+    if axis is None or not axis_without_gravity(case):
         return False
     load = axis.inertia_kg_m2 if axis.kind == "inertia" else axis.mass_kg * axis.metres_per_rad**2
     return motor.rotor_inertia_kg_m2 * motor.gear_ratio**2 >= 0.01 * load
@@ -121,12 +122,12 @@ def rotor_counts(case: Case) -> bool:
 
 def torque_drives(case: Case) -> bool:
     """Whether torque is commanded on an axis without gravity."""
-    return case.robot.driver.mode == "torque" and _axis_without_gravity(case)
+    return case.robot.driver.mode == "torque" and axis_without_gravity(case)
 
 
 def no_current(case: Case) -> bool:
     """Whether no current is logged of motors that are not driven by torque."""
-    return not _logged(case, "i") and case.robot.driver.mode != "torque"
+    return not logged(case, "i") and case.robot.driver.mode != "torque"
 
 
 def same_load(case: Case) -> bool:
@@ -150,7 +151,7 @@ def loop_on_wheels(case: Case) -> bool:
     and gyro, one is the other's inverse.
     """
     wheels = any(log.has(f"{channel}_{side}") for log in case.runs for channel in ("w", "th") for side in "lr")
-    motion = _logged(case, "i", "gyro", "x", "y", "yaw")
+    motion = logged(case, "i", "gyro", "x", "y", "yaw")
     return case.robot.driver.mode == "speed" and not (wheels and motion)
 
 
@@ -160,4 +161,4 @@ def loop_beyond_wheels(case: Case) -> bool:
     Its loop holds the speed that it counts. Wheels that count at another scale and wheels of another radius then differ
     by how the loop settles only.
     """
-    return case.robot.driver.mode == "speed" and not _logged(case, "i") and _logged(case, "gyro", "x", "y", "yaw")
+    return case.robot.driver.mode == "speed" and not logged(case, "i") and logged(case, "gyro", "x", "y", "yaw")

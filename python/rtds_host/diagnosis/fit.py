@@ -4,7 +4,8 @@ The objective is -2 log of the likelihood (`likelihood`: white noise, and a size
 residuals, estimated with the fit) times the prior: nuisances z are normal in units of their tolerance. Effect
 parameters u, in units of their spread, are Cauchy about "absent", so that an effect ten times as large as usual is not
 impossible but ten squared times rarer.
-Gauss-Newton with damping on whitened residuals; the size of the model's error is estimated again after each step.
+Gauss-Newton with damping on whitened residuals; the size of the model's error is estimated again after each step, and
+what its logarithm takes off the curvature is part of the Hessian (`Likelihood.curvature`).
 """
 
 from __future__ import annotations
@@ -35,6 +36,9 @@ STEP_GAIN, ROUGH_GAIN = 0.2, 2.0
 RELATIVE_GAIN = 1e-3
 # Numerical: most steps of a fit, and of a rough one.
 ITERATIONS, ROUGH_ITERATIONS = 8, 4
+# Numerical: the same of a settled fit, which is taken on to its optimum: most steps, the gain of a step, also as a
+# share of the excess, and how often the nuisances' derivatives are taken again.
+SETTLED_ITERATIONS, SETTLED_GAIN, SETTLED_SHARE, SETTLED_RENEWALS = 40, 0.5, 1e-5, 8
 # Numerical: a gain below this shows that the fit has converged, or that the nuisances' derivatives are out of date; how
 # often these are taken again.
 RENEWED, RENEWALS = 5.0, 1
@@ -95,7 +99,7 @@ def _angle_gain(effects: Effects, parts: Mapping[tuple[str, str], np.ndarray], s
     return math.prod(
         effects[effect].parameters[0].value(float(u[0]))
         for (effect, on), u in parts.items()
-        if effects[effect].scales_angle and side in SIDES[on]
+        if "th" in effects[effect].scales and side in SIDES[on]
     )
 
 
@@ -437,6 +441,14 @@ class Fitter:
             )
         )
 
+    def settling(self, fit: Fit) -> Requesting[Fit]:
+        """A fit taken on to its optimum by the objective that it was fitted by, or itself if that is no better."""
+        plain = fit.noise.root is None
+        found = yield from self.fitting(
+            fit.hypothesis, fit.u, fit.z, fit.noise, fixed=plain, by_nuisance=fit.by_nuisance, settled=True
+        )
+        return found if found.cost < fit.cost else fit
+
     def _about_nominal(
         self, hypothesis: Hypothesis, x: np.ndarray, r: np.ndarray, high: np.ndarray
     ) -> Requesting[np.ndarray]:
@@ -455,14 +467,22 @@ class Fitter:
         return own
 
     def _gradient_and_hessian(
-        self, x: np.ndarray, r: np.ndarray, noise: Likelihood, by_nuisance: np.ndarray, by_effect: np.ndarray
+        self,
+        x: np.ndarray,
+        r: np.ndarray,
+        noise: Likelihood,
+        by_nuisance: np.ndarray,
+        by_effect: np.ndarray,
+        fixed: bool,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Gradient (k + p,) and Hessian (k + p, k + p) of half the objective, by Gauss and Newton."""
-        jacobian = noise.whitened([*by_nuisance.T, *by_effect.T])
+        """Gradient (k + p,) and Hessian (k + p, k + p) of half the objective, by Gauss and Newton; the weights of the
+        likelihood change with the parameters unless they are `fixed`."""
+        # In double precision: next to rounded sums, a change in the seventh digit of the noise leads to other optima.
+        jacobian = noise.whitened([*by_nuisance.T, *by_effect.T]).astype(float)
         white = noise.whiten(r)
         weight = prior_weight(x[: self.count], x[self.count :])
-        gradient = (jacobian.T @ white.astype(np.float32)).astype(float) + weight * x
-        return gradient, (jacobian.T @ jacobian).astype(float) + np.diag(weight)
+        hessian = jacobian.T @ jacobian + np.diag(weight)
+        return jacobian.T @ white + weight * x, hessian if fixed else hessian - noise.curvature(jacobian, white)
 
     def derived(self, fit: Fit) -> Requesting[Fit]:
         """A fit with derivatives by all its effects at its own values."""
@@ -496,6 +516,7 @@ class Fitter:
         least: float = STEP_GAIN,
         held: Collection[tuple[str, str]] = (),
         chord: bool = False,
+        settled: bool = False,
     ) -> Requesting[Fit]:
         """Fit an explanation from a start.
 
@@ -506,7 +527,8 @@ class Fitter:
         fit, good enough to compare it with and without another effect. fixed : keep the discrepancy. by_nuisance :
         (N, k) derivatives by the nuisances to begin with, else those about the nominal robot. least : the gain of
         a step below which it ends, in -2 log probability. held : effects that keep the parameters of the start. chord :
-        the start's derivatives alone (chord method), for terms that are linear in most of their parameters.
+        the start's derivatives alone (chord method), for terms that are linear in most of their parameters. settled :
+        go on to the optimum, however many steps it takes; `iterations` and `least` then do not count.
         """
         k, known = self.count, known or {}
         fresh = not known and not chord  # whether all derivatives are taken at each step
@@ -517,16 +539,19 @@ class Fitter:
         noise = noise if fixed else noise.estimated(r)
         now = noise.cost(r) + prior_cost(x[:k], x[k:])
         damping, since = 0.0, math.inf  # what was gained since the nuisances' derivatives were taken
-        renewals = RENEWALS if len(start) else 0
+        share, renewals = RELATIVE_GAIN, RENEWALS
+        if settled:
+            iterations, least, share, renewals = SETTLED_ITERATIONS, SETTLED_GAIN, SETTLED_SHARE, SETTLED_RENEWALS
+        renewals = renewals if len(start) else 0
         by_effect = np.empty((len(r), 0), np.float32)
         free = np.ones(len(x), bool)
         for turn in range(iterations):
             if not (chord and turn):
                 by_effect = yield from self._by_effect(hypothesis, known, x, r, high)
-            gradient, hessian = self._gradient_and_hessian(x, r, noise, by_nuisance, by_effect)
+            gradient, hessian = self._gradient_and_hessian(x, r, noise, by_nuisance, by_effect, fixed)
             free = ~(((x <= low) & (gradient > 0)) | ((x >= high) & (gradient < 0)))
             keep = np.flatnonzero(free)
-            improved, enough = 0.0, max(least, RELATIVE_GAIN * (now - len(r)))
+            improved, enough = 0.0, max(least, share * (now - len(r)))
             for attempt in DAMPINGS[DAMPINGS.index(damping) :]:
                 if (step := _damped(hessian, gradient, keep, attempt)) is None:
                     continue

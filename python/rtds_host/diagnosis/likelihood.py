@@ -16,6 +16,8 @@ same whatever their unit, so sizes and names do not depend on the declared noise
 from above by its tangent in V,
 so that least squares with the weight 1 / (1 + n (V - V0) / b) on a group's rows, renewed
 after each step, lowers the cost in each step (a majorant: D. R. Hunter, K. Lange, The American Statistician 58, 2004).
+The majorant is steeper than the logarithm, so its steps are too short. `Likelihood.curvature` is what the logarithm
+takes off its Hessian.
 
 References: J. W. Miller, D. B. Dunson, JASA 114, 2019 (inference at the scale of the model's error); P. G. Bissiri,
 C. C. Holmes, S. G. Walker, J. R. Stat. Soc. B 78, 2016.
@@ -30,6 +32,9 @@ import numpy as np
 
 # Numerical: mean squares of a group that noise alone makes, in standard deviations sqrt(2 / n) of its chi-square.
 CHANCE_SIGMAS = 2.0
+# Numerical: the largest share of a group's Hessian that the logarithm may take off. With all of it, the Hessian would
+# be singular where parameters change a group's residuals by a common factor.
+LARGEST_SHARE = 0.8
 # Numerical: products of residuals whose mean says something.
 FEWEST_PRODUCTS = 16
 
@@ -54,6 +59,7 @@ class Likelihood:
     ):
         self.groups, self.samples, self.count = groups, samples, len(groups)
         self.sizes = np.bincount(groups).astype(float)
+        self.weight = weight
         self.root = None if weight is None else np.sqrt(weight)[groups]
         self.log = np.zeros(self.count) if constant is None else (constant / self.sizes)[groups]
 
@@ -99,6 +105,23 @@ class Likelihood:
             unknown = 1.0 + n * over / self.samples
             cost = np.where(over > 0.0, n * largest + self.samples * np.log(unknown), n * square)
             return Likelihood(self.groups, self.samples, 1.0 / unknown, cost - n * square / unknown)
+
+    def curvature(self, jacobian: np.ndarray, white: np.ndarray) -> np.ndarray:
+        """What the logarithm takes off the Hessian of the weighted squares, (p, p).
+
+        It is 2 w^2 / b (J' r)(J' r)' of each group of unknown size, at most `LARGEST_SHARE` of what makes the group's
+        Hessian singular.
+
+        Parameters
+        ----------
+        jacobian : (N, p) derivatives, and white : (N,) residuals, both times the square root of the weights.
+        """
+        if self.weight is None:
+            return np.zeros((jacobian.shape[1],) * 2)
+        products = np.array([np.bincount(self.groups, white * column) for column in jacobian.T])
+        squares = np.bincount(self.groups, white * white)
+        most = LARGEST_SHARE / np.where(self.weight < 1.0, squares, np.inf)
+        return (products * np.minimum(2.0 / self.samples, most)) @ products.T
 
     def misfit(self, residual: np.ndarray) -> float:
         """Weighted sum of squares of residuals (N,) beyond what noise alone makes: less than one a sample of unknown

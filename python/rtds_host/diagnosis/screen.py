@@ -18,7 +18,7 @@ from rtds_host.diagnosis.effects import Effect
 from rtds_host.diagnosis.fit import Fit, Fitter, Hypothesis, apply, prior_weight, scaled
 from rtds_host.diagnosis.likelihood import Likelihood
 from rtds_host.diagnosis.problem import Problem
-from rtds_host.diagnosis.structurally_indistinguishable import structurally_indistinguishable
+from rtds_host.diagnosis.structurally_indistinguishable import scale_all, structurally_indistinguishable
 
 # Numerical: how far from the size it was taken at a signature is believed, in that size.
 REACH = 6.0
@@ -405,10 +405,12 @@ def clashes(cause: tuple[str, str], hypothesis: Hypothesis) -> bool:
 
 
 def doubles(problem: Problem, cause: tuple[str, str], hypothesis: Hypothesis) -> bool:
-    """Whether an explanation holds this effect already, be it of another size, or one that explains these runs
+    """Whether an explanation holds this effect already, be it of another size, or others that explain these runs
     as well.
     """
     if clashes(cause, hypothesis) and not splits(cause, hypothesis):
+        return True
+    if scale_all(problem.case, [*hypothesis, cause]):
         return True
     return any(equal in hypothesis for equal in structurally_indistinguishable(problem.case, cause))
 

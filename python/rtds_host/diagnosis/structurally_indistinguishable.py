@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from rtds_host.contract import Case
+from rtds_host.diagnosis.conditions import axis_without_gravity, logged
 from rtds_host.diagnosis.effects import CATALOGUE, Condition
 
 Cause = tuple[str, str]
@@ -26,6 +27,19 @@ def structurally_indistinguishable(case: Case, cause: Cause, included: Iterable[
         others = _holding(case, one, effect.same_as, effect.same_with_friction if friction else {})
         found += [other for other in others if other not in found]
     return found[1:]
+
+
+def scale_all(case: Case, causes: Iterable[Cause]) -> bool:
+    """Whether effects scale the command and all that is measured of an axis without gravity: one of them too many.
+
+    The equations of such an axis are homogeneous: k times the voltage makes k times the speed and the current where
+    friction is k times as large, too. So k is free with all these scales, and one of them less makes the same replays.
+    """
+    if not axis_without_gravity(case):
+        return False
+    scaled = {what for effect, _ in causes for what in CATALOGUE[effect].scales}
+    measured = {channel for channel in ("w", "th", "i") if logged(case, channel)}
+    return bool(measured) and {"command", *measured} <= scaled
 
 
 def nearly_indistinguishable(case: Case, cause: Cause) -> list[Cause]:

@@ -124,8 +124,9 @@ class Effect:
     of 1 (contract, section 2). `axis`: it exists on a single axis. `contains`: effects it turns into when its further
     parameters rest. `separate`: each parameter is a part of its own, absent where only
     another one is there. `nonlinear`: its signature changes its form with its size, and with what the other side does.
-    `periodic`: its first parameters are amplitude, cycles a turn and phase. `scales_angle`: its first parameter is the
-    measured over the true angle of a wheel. `rough`: its misfit has many minima.
+    `periodic`: its first parameters are amplitude, cycles a turn and phase. `scales`: what its first parameter
+    multiplies, "command" or channels without side; a curve that does so too, by about as much everywhere, counts.
+    `rough`: its misfit has many minima.
     `without_winding`: it exists on a machine whose torque is commanded. `before_loop`: it acts before a loop on the
     speed, which a robot in speed mode alone has. `exports`: how each target of `rtds export` has it (`exported.row`);
     `exports_behind_servo`: the same by target where a robot in speed mode has it otherwise; `exports_dcmotor`: the
@@ -166,7 +167,7 @@ class Effect:
     separate: bool = False
     nonlinear: bool = False
     periodic: bool = False
-    scales_angle: bool = False
+    scales: tuple[str, ...] = ()
     rough: bool = False
     without_winding: bool = True
     gives: bool = False

@@ -20,6 +20,7 @@ EFFECT = Effect(
     check="Put an ammeter in series with the motor and compare both readings at two loads.",
     advice="Calibrate the shunt and its amplifier.",
     seen_by=("i",),
+    scales=("i",),
     runs_in="signal",
     exports=reading("current_gain"),
     resembles=(

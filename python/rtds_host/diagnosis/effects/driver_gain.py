@@ -21,6 +21,7 @@ EFFECT = Effect(
         ),
     ),
     apply=scale("voltage_gain"),
+    scales=("command",),
     equation="V = ratio v_cmd",
     source="contract, section 3",
     confused_with=("speed_gain", "torque_constant_error", "supply_sag"),

@@ -20,6 +20,7 @@ EFFECT = Effect(
         ),
     ),
     apply=add(pwm_curve="curvature"),
+    scales=("command",),
     equation="V = v_cmd (1 + c (1 - |v_cmd| / voltage_v)): the right voltage at full duty, more (c > 0) or less below",
     source=(
         "contract, section 3; current that flows on in the off-time: R. W. Erickson, D. Maksimovic, Fundamentals of"

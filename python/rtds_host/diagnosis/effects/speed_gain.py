@@ -37,7 +37,7 @@ EFFECT = Effect(
     check="Turn the wheel by hand through ten whole turns and read its logged angle: anything but 62.83 rad is the "
     "encoder's scale, whatever the tyre.",
     advice="Set the counts a turn and the gear ratio in the driver.",
-    scales_angle=True,
+    scales=("w", "th"),
     runs_in="signal",
     same_as={"driver_gain": speed_alone},
     same_with_friction={"payload_error": torque_drives, "driver_gain": torque_drives},

@@ -369,11 +369,14 @@ def _lacking(problem: Problem, found: Found, cause: Cause) -> Fit:
 
 
 def _again(problem: Problem, found: Found, cause: Cause) -> Fit:
-    """An explanation with an effect that it had before there were curves, all fitted with the derivatives there are."""
+    """An explanation with an effect that it had before there were curves, all fitted with the derivatives there are.
+
+    The effect begins absent, since the curves hold what it did: at its former size it would act twice.
+    """
     before, now = found.judged[0].fit, found.fit
     fitter = Fitter(problem, now.start)
     fitter.effects = now.effects
-    hypothesis, start = joined({**now.parts, cause: before.parts[cause]})
+    hypothesis, start = joined({**now.parts, cause: np.zeros_like(before.parts[cause])})
     known = {**now.columns, cause: before.columns[cause]}
     return fitter.fit(hypothesis, start, now.z, now.noise, STEPS, known, by_nuisance=now.by_nuisance, least=ROUGH_GAIN)
 

@@ -31,6 +31,7 @@ class Selection:
     def __init__(self, searches: Sequence[Search]):
         self.searches = searches
         self._judged: dict[Fit, tuple[HeldOutScore, Search]] = {}
+        self._seen: set[Fit] = set()  # fits that were looked at, judged or not
 
     @classmethod
     def of_beams(cls, searches: Sequence[Search], best: Fit) -> Selection:
@@ -43,13 +44,22 @@ class Selection:
         return selection
 
     def judge(self, search: Search, fits: Sequence[Fit]) -> None:
-        """Score explanations of a search on held-out runs and add those that could be chosen; none is scored twice."""
-        selected = self.choice()[1] if self._judged else None
-        for fit in fits:
-            if fit in self._judged:
-                continue
-            if selected is None or self.could_be_chosen(HeldOutScore.in_sample(search.problem, fit), selected):
-                self._judged[fit] = HeldOutScore.of(search.problem, fit), search
+        """Settle explanations of a search, score them on held-out runs and add those that could be chosen; none is
+        scored twice."""
+        problem, selected = search.problem, self.choice()[1] if self._judged else None
+        new = [fit for fit in fits if fit not in self._judged and fit not in self._seen]
+        self._seen.update(new)
+        good = [
+            fit
+            for fit in new
+            if selected is None or self.could_be_chosen(HeldOutScore.in_sample(problem, fit), selected)
+        ]
+        problem.follow_angles(True)
+        settled = search.store.settled(good)
+        problem.follow_angles(False)
+        for fit in settled:
+            if fit not in self._judged:
+                self._judged[fit] = HeldOutScore.of(problem, fit), search
 
     def could_be_chosen(self, one: HeldOutScore, selected: HeldOutScore) -> bool:
         """Whether an explanation with this in-sample score could be chosen, or decide whether one with more effects is.
