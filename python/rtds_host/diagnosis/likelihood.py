@@ -32,9 +32,8 @@ import numpy as np
 
 # Numerical: mean squares of a group that noise alone makes, in standard deviations sqrt(2 / n) of its chi-square.
 CHANCE_SIGMAS = 2.0
-# Numerical: the largest share of a group's Hessian that the logarithm may take off. With all of it, the Hessian would
-# be singular where parameters change a group's residuals by a common factor.
-LARGEST_SHARE = 0.8
+# Numerical: the share of what makes a group's Hessian singular that is taken off it for the logarithm's curvature.
+CURVATURE_SHARE = 0.8
 # Numerical: products of residuals whose mean says something.
 FEWEST_PRODUCTS = 16
 
@@ -109,8 +108,9 @@ class Likelihood:
     def curvature(self, jacobian: np.ndarray, white: np.ndarray) -> np.ndarray:
         """What the logarithm takes off the Hessian of the weighted squares, (p, p).
 
-        It is 2 w^2 / b (J' r)(J' r)' of each group of unknown size, at most `LARGEST_SHARE` of what makes the group's
-        Hessian singular.
+        Its second derivative takes w (J' r)(J' r)' / (r' r), about twice, off w J' J of each group of unknown size.
+        Once makes that singular where parameters change a group's residuals by a common factor, and twice indefinite.
+        So `CURVATURE_SHARE` of it once is taken off.
 
         Parameters
         ----------
@@ -119,9 +119,8 @@ class Likelihood:
         if self.weight is None:
             return np.zeros((jacobian.shape[1],) * 2)
         products = np.array([np.bincount(self.groups, white * column) for column in jacobian.T])
-        squares = np.bincount(self.groups, white * white)
-        most = LARGEST_SHARE / np.where(self.weight < 1.0, squares, np.inf)
-        return (products * np.minimum(2.0 / self.samples, most)) @ products.T
+        squares = np.where(self.weight < 1.0, np.bincount(self.groups, white * white), np.inf)
+        return (products * (CURVATURE_SHARE / squares)) @ products.T
 
     def misfit(self, residual: np.ndarray) -> float:
         """Weighted sum of squares of residuals (N,) beyond what noise alone makes: less than one a sample of unknown

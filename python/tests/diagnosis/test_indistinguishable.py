@@ -4,11 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from axis_machine import write_axis_case
 
-from rtds_host.contract import Case, Driver, RunLog, RunMeta, Servo, builtin_robot
+from rtds_host.contract import Case, Driver, RunLog, RunMeta, Servo, builtin_robot, read_case
 from rtds_host.diagnosis.effects import CATALOGUE, SIDES, catalogue
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
-from rtds_host.diagnosis.structurally_indistinguishable import nearly_indistinguishable, structurally_indistinguishable
+from rtds_host.diagnosis.structurally_indistinguishable import (
+    nearly_indistinguishable,
+    scale_all,
+    structurally_indistinguishable,
+)
 from rtds_host.plant.schema import OUTPUT_INDEX
 
 TABLES = ("same_as", "same_with_friction", "nearly_as")
@@ -62,3 +67,37 @@ def test_seen_by_pose_and_gyro_a_command_gain_is_a_speed_gains_inverse():
     apart, size = (np.abs(found[k] - found[0])[settled, rate].max() for k in (1, 2))
     assert apart < 0.02 * size
     assert np.abs(found[1] - found[0])[settled, speed].min() > 0.1
+
+
+def axis_case(tmp_path, kind="inertia", missing=()):
+    case = read_case(write_axis_case(tmp_path / kind, kind, "voltage"))
+    for log in case.runs:
+        for channel in missing:
+            log.columns.pop(channel, None)
+    return case
+
+
+def test_a_scale_of_the_command_and_of_all_that_is_measured_is_one_scale_too_many(tmp_path):
+    """An axis without gravity is homogeneous: with friction as much larger, such scales cancel to the last digits."""
+    case = axis_case(tmp_path)
+    axis, k = catalogue(case.robot), 3.0
+    assert {"w_l", "i_l"} <= case.runs[0].columns.keys()
+    gains = {"driver_gain": {"ratio": k}, "speed_gain": {"ratio": 1.0 / k}, "current_gain": {"ratio": 1.0 / k}}
+    found = []
+    for factor, effects in ((1.0, {}), (k, gains)):
+        model = nominal_model(case.robot)
+        axis["coulomb_friction"].apply(model, SIDES["left"], {"torque_nm": factor * 0.001})
+        for name, values in effects.items():
+            axis[name].apply(model, SIDES["left"], values)
+        found.append(replay_run(model, run_inputs(case.runs[0], case.robot)))
+    for channel in ("w_l", "i_l"):
+        one, other = (out[:, OUTPUT_INDEX[channel]] for out in found)
+        assert np.abs(one).max() > 0.0 and np.allclose(one, other, rtol=1e-6, atol=1e-6 * np.abs(one).max())
+    causes = [(name, "left") for name in gains]
+    assert scale_all(case, causes) and scale_all(case, [("pwm_curve", "left"), *causes[1:]])
+    assert not any(scale_all(case, causes[:k] + causes[k + 1 :]) for k in range(3))
+
+
+def test_the_weight_of_a_pendulum_tells_a_scale_of_everything_from_none(tmp_path):
+    gains = [(name, "left") for name in ("driver_gain", "speed_gain", "current_gain")]
+    assert not scale_all(axis_case(tmp_path, "pendulum"), gains)

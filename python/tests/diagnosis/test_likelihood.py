@@ -4,7 +4,7 @@ more is."""
 import numpy as np
 import pytest
 
-from rtds_host.diagnosis.likelihood import Likelihood, correlated
+from rtds_host.diagnosis.likelihood import CURVATURE_SHARE, Likelihood, correlated
 
 GROUPS = np.repeat(np.arange(20), 50)
 ONE = np.ones(20)
@@ -54,6 +54,38 @@ def test_weights_bound_the_cost_from_above_and_touch_it_where_they_were_taken():
     for seed in range(2, 12):
         other = noise(seed, size=float(seed))
         assert at.cost(other) >= exact(other) - 1e-9
+
+
+def slopes_and_curvature(residual, jacobian):
+    """Derivatives (N, p) with the weights of a residual (N,), and what the logarithm takes off their Hessian."""
+    at = Likelihood(GROUPS, ONE).estimated(residual)
+    weighted = jacobian * at.whiten(np.ones(len(residual)))[:, None]
+    return weighted, at.curvature(weighted, at.whiten(residual))
+
+
+def test_the_logarithm_takes_off_less_than_its_second_derivative_and_leaves_the_hessian_positive_definite():
+    """A parameter that scales all that is left is the worst: half the cost is b ln|x| there, which bends down."""
+    residual, step = noise(size=30.0), 1e-3
+    weighted, curvature = slopes_and_curvature(residual, residual[:, None])
+    squares = float((weighted.T @ weighted)[0, 0])
+    half = [0.5 * exact(residual * (1.0 + k * step)) for k in (-1, 0, 1)]
+    second = (half[0] - 2.0 * half[1] + half[2]) / step**2
+    assert second < 0.0 < squares - curvature[0, 0] < squares
+    assert curvature[0, 0] == pytest.approx(CURVATURE_SHARE * squares)
+
+
+def test_the_logarithm_takes_nothing_off_where_a_parameter_leaves_the_size_of_every_group():
+    residual = noise(size=30.0)
+    across = np.random.default_rng(3).standard_normal(len(GROUPS))
+    sums = [np.bincount(GROUPS, residual * one) for one in (across, residual)]
+    across -= (sums[0] / sums[1])[GROUPS] * residual
+    weighted, curvature = slopes_and_curvature(residual, across[:, None])
+    assert abs(curvature[0, 0]) < 1e-9 * float((weighted.T @ weighted)[0, 0])
+
+
+def test_the_logarithm_takes_nothing_off_where_only_noise_is_left():
+    assert not slopes_and_curvature(noise(size=0.9), np.ones((len(GROUPS), 2)))[1].any()
+    assert not Likelihood(GROUPS, ONE).curvature(np.ones((len(GROUPS), 2)), noise()).any()
 
 
 def test_a_column_is_weighted_as_the_residual_is():

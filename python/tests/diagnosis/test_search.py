@@ -638,18 +638,19 @@ def test_a_gain_that_stands_in_for_a_bend_scatters_and_a_gain_does_not():
 @pytest.mark.parametrize("unmodelled", [0.01, 0.02, 0.04])
 def test_what_is_missing_biases_a_size_by_about_as_much_as_is_said(unmodelled):
     """Dry friction that the explanation lacks is taken for viscous friction in part, which no scatter shows. Of one
-    missing effect that is known, the bias is known within a factor of three."""
+    missing effect that is known, the bias is known within a factor of four."""
     viscous = ("viscous_friction", "both"), {"nm_s_per_rad": 0.01}
 
     def rubs(model):
         model.add("viscous_wheel", 0.01)
         model.add("coulomb", unmodelled)
 
-    search, fit = fitted(make_case(rubs, seconds=20.0), viscous)
+    search, usual = fitted(make_case(rubs, seconds=20.0), viscous)
+    (fit,) = search.store.settled([usual])
     changes = changes_by_missing(sensitivities_of(search.store.fitter, fit, {}, {"coulomb_friction"}, {}), fit)
     off = float((fit.u - scaled(search.store.effects, (viscous[0],), [{"nm_s_per_rad": 0.01}]))[0])
     assert off > 3.0 * sigmas_of(search.problem, fit)[0]
-    assert off / 3.0 < bias(fit, changes)[-1] < 3.0 * off
+    assert off / 4.0 < bias(fit, changes)[-1] < 4.0 * off
 
 
 def test_nothing_missing_biases_nothing():
