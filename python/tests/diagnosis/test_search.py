@@ -14,7 +14,17 @@ from rtds_host.diagnosis.attribution import attribute
 from rtds_host.diagnosis.diagnose import chosen_search, diagnose, said_of_end
 from rtds_host.diagnosis.effects import catalogue
 from rtds_host.diagnosis.evidence import CONVINCING, distinguishable, excess
-from rtds_host.diagnosis.fit import AT_ONCE, Fit, Fitter, Proposal, joined, scaled, side_by_side, to_values
+from rtds_host.diagnosis.fit import (
+    AT_ONCE,
+    SETTLED_GAIN,
+    Fit,
+    Fitter,
+    Proposal,
+    joined,
+    scaled,
+    side_by_side,
+    to_values,
+)
 from rtds_host.diagnosis.intervals import bias, command_shift, intervals, sigmas_of
 from rtds_host.diagnosis.practically_indistinguishable import opens_gap, practically_indistinguishable, substitutes_for
 from rtds_host.diagnosis.problem import SEARCHED_S, Problem
@@ -651,6 +661,26 @@ def test_what_is_missing_biases_a_size_by_about_as_much_as_is_said(unmodelled):
     off = float((fit.u - scaled(search.store.effects, (viscous[0],), [{"nm_s_per_rad": 0.01}]))[0])
     assert off > 3.0 * sigmas_of(search.problem, fit)[0]
     assert off / 4.0 < bias(fit, changes)[-1] < 4.0 * off
+
+
+def test_settled_fits_end_at_one_optimum_wherever_they_began():
+    """The usual fits of a case with a gap end wherever their few steps led them."""
+
+    def rubs(model):
+        model.add("viscous_wheel", 0.01)
+        model.add("coulomb", 0.02)
+
+    usual, settled = [], []
+    for start in (0.005, 0.01, 0.02, 0.04):
+        search, fit = fitted(make_case(rubs), (("viscous_friction", "both"), {"nm_s_per_rad": start}))
+        (end,) = search.store.settled([fit])
+        assert end.cost <= fit.cost and search.store.fits[fit.hypothesis] is end
+        usual.append(fit.cost)
+        settled.append(end)
+    assert max(usual) - min(usual) > 100.0
+    assert max(end.cost for end in settled) - min(end.cost for end in settled) < 10.0 * SETTLED_GAIN
+    sizes = [end.values[0]["nm_s_per_rad"] for end in settled]
+    assert max(sizes) < 1.01 * min(sizes)
 
 
 def test_nothing_missing_biases_nothing():
