@@ -36,12 +36,13 @@ STEP_GAIN, ROUGH_GAIN = 0.2, 2.0
 RELATIVE_GAIN = 1e-3
 # Numerical: most steps of a fit, and of a rough one.
 ITERATIONS, ROUGH_ITERATIONS = 8, 4
-# Numerical: the same of a settled fit, which is taken on to its optimum: most steps, the gain of a step, also as a
-# share of the excess, and how often the nuisances' derivatives are taken again.
-SETTLED_ITERATIONS, SETTLED_GAIN, SETTLED_SHARE, SETTLED_RENEWALS = 40, 0.5, 1e-5, 8
 # Numerical: a gain below this shows that the fit has converged, or that the nuisances' derivatives are out of date; how
 # often these are taken again.
 RENEWED, RENEWALS = 5.0, 1
+# Numerical: the same of a settled fit, which is taken on to its optimum: most steps, the gain of a step, also as a
+# share of the excess, and how often the nuisances' derivatives are taken again.
+SETTLED_GAIN = 0.5
+SETTLED = 40, SETTLED_GAIN, 1e-5, 8
 # Numerical: fits computed together: their replays fill the lanes of a batch, and each keeps its derivatives.
 AT_ONCE = 8
 # Numerical: shares of the diagonal that are added to the normal equations, and the shortest part of a step without any.
@@ -528,7 +529,7 @@ class Fitter:
         (N, k) derivatives by the nuisances to begin with, else those about the nominal robot. least : the gain of
         a step below which it ends, in -2 log probability. held : effects that keep the parameters of the start. chord :
         the start's derivatives alone (chord method), for terms that are linear in most of their parameters. settled :
-        go on to the optimum, however many steps it takes; `iterations` and `least` then do not count.
+        take it on to its optimum; `iterations` and `least` then do not count.
         """
         k, known = self.count, known or {}
         fresh = not known and not chord  # whether all derivatives are taken at each step
@@ -539,12 +540,9 @@ class Fitter:
         noise = noise if fixed else noise.estimated(r)
         now = noise.cost(r) + prior_cost(x[:k], x[k:])
         damping, since = 0.0, math.inf  # what was gained since the nuisances' derivatives were taken
-        share, renewals = RELATIVE_GAIN, RENEWALS
-        if settled:
-            iterations, least, share, renewals = SETTLED_ITERATIONS, SETTLED_GAIN, SETTLED_SHARE, SETTLED_RENEWALS
+        iterations, least, share, renewals = SETTLED if settled else (iterations, least, RELATIVE_GAIN, RENEWALS)
         renewals = renewals if len(start) else 0
-        by_effect = np.empty((len(r), 0), np.float32)
-        free = np.ones(len(x), bool)
+        by_effect, free = np.empty((len(r), 0), np.float32), np.ones(len(x), bool)
         for turn in range(iterations):
             if not (chord and turn):
                 by_effect = yield from self._by_effect(hypothesis, known, x, r, high)

@@ -47,8 +47,7 @@ class Selection:
         """Settle explanations of a search, score them on held-out runs and add those that could be chosen; none is
         scored twice."""
         problem, selected = search.problem, self.choice()[1] if self._judged else None
-        new = [fit for fit in fits if fit not in self._judged and fit not in self._seen]
-        self._seen.update(new)
+        new = [fit for fit in fits if fit not in self._seen]
         good = [
             fit
             for fit in new
@@ -57,9 +56,8 @@ class Selection:
         problem.follow_angles(True)
         settled = search.store.settled(good)
         problem.follow_angles(False)
-        for fit in settled:
-            if fit not in self._judged:
-                self._judged[fit] = HeldOutScore.of(problem, fit), search
+        self._seen.update(new, settled)
+        self._judged |= {fit: (HeldOutScore.of(problem, fit), search) for fit in settled}
 
     def could_be_chosen(self, one: HeldOutScore, selected: HeldOutScore) -> bool:
         """Whether an explanation with this in-sample score could be chosen, or decide whether one with more effects is.
