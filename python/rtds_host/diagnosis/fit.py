@@ -13,7 +13,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections import deque
-from collections.abc import Collection, Generator, Iterable, Mapping
+from collections.abc import Collection, Generator, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple, TypeVar
@@ -281,6 +281,19 @@ def _damped(hessian: np.ndarray, gradient: np.ndarray, keep: np.ndarray, share: 
     return step
 
 
+def _steps(
+    hessian: np.ndarray, curvature: np.ndarray, gradient: np.ndarray, keep: np.ndarray, share: float
+) -> list[np.ndarray]:
+    """Gauss-Newton steps (n,) to try in turn, the surest last; none where the normal equations are singular.
+
+    Without damping the first is by the logarithm's curvature. It is too long where one parameter explains all that is
+    left. The weighted squares alone then have the right one.
+    """
+    hessians = [hessian - curvature, hessian] if share == 0.0 and curvature.any() else [hessian]
+    found = (_damped(one, gradient, keep, share) for one in hessians)
+    return [step for step in found if step is not None]
+
+
 class Proposal(NamedTuple):
     """An explanation, scaled parameters (p,) to fit it from, and the fit whose nuisances and discrepancy to begin
     with."""
@@ -362,13 +375,23 @@ class Fitter:
                 at += count
         return np.concatenate(columns, axis=1) if columns else new
 
-    def _tried(
-        self, hypothesis: Hypothesis, x: np.ndarray, noise: Likelihood, fixed: bool
+    def _first_lower(
+        self,
+        hypothesis: Hypothesis,
+        trials: Sequence[np.ndarray],
+        noise: Likelihood,
+        fixed: bool,
+        now: float,
     ) -> Requesting[tuple[np.ndarray, np.ndarray, float]]:
-        """Parameters, their residuals and what they cost; by the weights as they are where these are `fixed`."""
-        (moved,) = yield [self.model(hypothesis, x)], None
-        noise = noise if fixed else noise.estimated(moved)
-        return x, moved, noise.cost(moved) + prior_cost(x[: self.count], x[self.count :])
+        """Of the first parameters that cost less than `now`, or else of the last: these, their residuals and the
+        cost; by the weights as they are where these are `fixed`."""
+        for x in trials:
+            (moved,) = yield [self.model(hypothesis, x)], None
+            at = noise if fixed else noise.estimated(moved)
+            cost = at.cost(moved) + prior_cost(x[: self.count], x[self.count :])
+            if cost < now:
+                break
+        return x, moved, cost
 
     def _with_common_part(self, hypothesis: Hypothesis, x: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
         """The same robot with the mean deviation of both sides' tolerances moved into a ratio of the same constant.
@@ -475,15 +498,16 @@ class Fitter:
         by_nuisance: np.ndarray,
         by_effect: np.ndarray,
         fixed: bool,
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Gradient (k + p,) and Hessian (k + p, k + p) of half the objective, by Gauss and Newton; the weights of the
-        likelihood change with the parameters unless they are `fixed`."""
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Gradient (k + p,) and Hessian (k + p, k + p) of half the objective, by Gauss and Newton: that of the weighted
+        squares, and what the logarithm takes off it unless the weights are `fixed`."""
         # In double precision: next to rounded sums, a change in the seventh digit of the noise leads to other optima.
         jacobian = noise.whitened([*by_nuisance.T, *by_effect.T]).astype(float)
         white = noise.whiten(r)
         weight = prior_weight(x[: self.count], x[self.count :])
         hessian = jacobian.T @ jacobian + np.diag(weight)
-        return jacobian.T @ white + weight * x, hessian if fixed else hessian - noise.curvature(jacobian, white)
+        curvature = np.zeros_like(hessian) if fixed else noise.curvature(jacobian, white)
+        return jacobian.T @ white + weight * x, hessian, curvature
 
     def derived(self, fit: Fit) -> Requesting[Fit]:
         """A fit with derivatives by all its effects at its own values."""
@@ -546,22 +570,22 @@ class Fitter:
         for turn in range(iterations):
             if not (chord and turn):
                 by_effect = yield from self._by_effect(hypothesis, known, x, r, high)
-            gradient, hessian = self._gradient_and_hessian(x, r, noise, by_nuisance, by_effect, fixed)
+            gradient, hessian, curvature = self._gradient_and_hessian(x, r, noise, by_nuisance, by_effect, fixed)
             free = ~(((x <= low) & (gradient > 0)) | ((x >= high) & (gradient < 0)))
             keep = np.flatnonzero(free)
             improved, enough = 0.0, max(least, share * (now - len(r)))
             for attempt in DAMPINGS[DAMPINGS.index(damping) :]:
-                if (step := _damped(hessian, gradient, keep, attempt)) is None:
+                if not (steps := _steps(hessian, curvature, gradient, keep, attempt)):
                     continue
-                predicted = float(abs(gradient @ step))
-                trial, moved, after = yield from self._tried(hypothesis, np.clip(x + step, low, high), noise, fixed)
+                predicted = float(abs(gradient @ (step := steps[-1])))
+                trials = [np.clip(x + one, low, high) for one in steps]
+                trial, moved, after = yield from self._first_lower(hypothesis, trials, noise, fixed, now)
                 if after >= now and predicted >= enough and attempt == 0.0:
                     # Along a curved valley a part of the step makes progress where damping would stop it: to the
                     # minimum of the parabola through what is known of the line.
                     part = min(max(predicted / (after - now + 2.0 * predicted), SHORTEST), 0.5)
-                    trial, moved, after = yield from self._tried(
-                        hypothesis, np.clip(x + part * step, low, high), noise, fixed
-                    )
+                    trials = [np.clip(x + part * step, low, high)]
+                    trial, moved, after = yield from self._first_lower(hypothesis, trials, noise, fixed, now)
                 if after < now:
                     x, r, damping = self._with_common_part(hypothesis, trial, low, high), moved, attempt
                     noise = noise if fixed else noise.estimated(r)
