@@ -143,4 +143,4 @@ def test_a_floors_formula_knows_its_place_better_than_the_knots_of_its_curve():
     curve = np.array(entry["curve"])
     inside = np.abs(curve[:, 0]) < 0.9 * size
     assert curve[inside, 1] == pytest.approx(-curve[inside, 0], abs=0.003) and inside.sum() > 20
-    assert curve[0, 1] == curve[-1, 1] == 0.0 and size < curve[-1, 0] == -curve[0, 0] < 1.05 * size
+    assert curve[0, 1] == curve[-1, 1] == 0.0 and middle < curve[-1, 0] == -curve[0, 0] < 1.05 * size

@@ -1,6 +1,7 @@
 """The search for forms: what named effects leave, as curves in the equations that lack something.
 
-One form is taken after the other, at most three. Derivatives say which are worth a fit; fits say what each leaves of
+One form is taken after the other, at most three. One that helps, but not enough, may be taken with the next one, as
+with effects. Derivatives say which are worth a fit; fits say what each leaves of
 runs left out, and that decides, as it does between effects (`choice`). So the equation is that which predicts other
 runs, and not the one with the largest residual. A form that a later one makes needless is dropped (`backward`).
 """
@@ -46,6 +47,9 @@ LEAST_GAP = (1.0 + 1e-9) * gaps.LEAST
 # Numerical: forms of each screening that are fitted roughly at each turn, in a narrow search and in a wide one; how
 # many of these to convergence. Of a screening in the place of names as many are fitted roughly.
 TRIED, FITTED = {True: 4, False: 6}, {True: 2, False: 4}
+# Numerical: what a form leaves at most, of what was left without it, to be taken with the next one alone: it makes half
+# of the reduction that is asked, in the logarithm.
+WITH_THE_NEXT = MAX_RESIDUAL_RATIO**0.5
 # Numerical: parts of the way from an effect's size next to curves to its size without any: the first two are compared,
 # the others taken in turn while curves lose their support on the way.
 PARTS = (1, 3, 6, 12)
@@ -92,21 +96,31 @@ def searched(problem: Problem, fit: Fit, quick: bool, lacking: Mapping[Cause, Fi
     if found.judged[-1].gap > LEAST_GAP:
         bases = [*lacking.values(), *fewer(problem, fit, lacking)]
     seen: set[frozenset[Cause]] = {frozenset()}
+    kept: tuple[list[HeldOutScore], list[tuple[Form, str]]] | None = None  # what there was before a form on trial
     while len(found.forms) < plant.MOST_FORMS and found.judged[-1].gap > LEAST_GAP:
         if problem.work - began > MOST_WORK[quick]:
             break
         # In an effect's place only what is left by named effects alone is known.
-        best = _next(problem, found, known, quick, bases if not found.forms else [])
+        most = WITH_THE_NEXT if kept is None else MAX_RESIDUAL_RATIO
+        best = _next(problem, found, known, quick, bases if not found.forms else [], most)
         if best is None:
             break
         candidate, judged = best
+        before, kept = kept, kept or (found.judged[:], found.forms[:])
         found.forms.append((candidate.form, candidate.side))
         found.judged.append(judged)
+        if pooled(judged, kept[0][-1]) > MAX_RESIDUAL_RATIO ** (1 if before is None else 2):
+            if before is not None:
+                break
+            continue
+        kept = None
         drop_needless(problem, found)
         now = frozenset((form.id, side) for form, side in found.forms)
         if now in seen:
             break  # a form dropped and found once more: the search would go in a circle
         seen.add(now)
+    if kept is not None:
+        found.judged[:], found.forms[:] = kept
     if found.forms and lacking:
         drop_superseded(problem, found, lacking)
     if found.forms:
@@ -185,11 +199,12 @@ def _root(fit: Fit) -> np.ndarray:
 
 
 def _next(
-    problem: Problem, found: Found, known: dict[str, Effect], quick: bool, lacking: list[Fit]
+    problem: Problem, found: Found, known: dict[str, Effect], quick: bool, lacking: list[Fit], most: float
 ) -> tuple[FormCandidate, HeldOutScore] | None:
     """The form more that leaves least of runs left out, if it helps enough and no effect makes it as well.
 
-    lacking : explanations in which it may stand for what they lack, next to the one that there is.
+    lacking : explanations in which it may stand for what they lack, next to the one that there is; most : what it may
+    leave of what was left without it.
     """
     now = found.judged[-1]
     taken = {(form.term, form.over) for form, _ in found.forms}
@@ -227,7 +242,7 @@ def _next(
             break
     else:
         return None
-    if pooled(best, now) > MAX_RESIDUAL_RATIO:
+    if pooled(best, now) > most:
         return None
     name = _named(problem, now, best, candidate)
     if name is not None:
