@@ -352,7 +352,10 @@ def drop_superseded(problem: Problem, found: Found, lacking: Mapping[Cause, Fit]
     for cause in named:
         # A curve that was taken in an effect's place need not be what makes it needless.
         if cause not in found.fit.hypothesis:
-            now, again = found.judged[-1], HeldOutScore.of(problem, _again(problem, found, cause))
+            now = found.judged[-1]
+            # Fitted, it may take what the curves had made better: then they keep it.
+            fits = (_again(problem, found, cause, held) for held in ((), (cause,)))
+            again = min((HeldOutScore.of(problem, one) for one in fits), key=lambda one: one.gap)
             if residual_ratio(again, now) <= MAX_RESIDUAL_RATIO or _approximates(
                 problem, found, cause, now, lacking[cause]
             ):
@@ -383,17 +386,20 @@ def _lacking(problem: Problem, found: Found, cause: Cause) -> Fit:
     return fit
 
 
-def _again(problem: Problem, found: Found, cause: Cause) -> Fit:
+def _again(problem: Problem, found: Found, cause: Cause, held: Sequence[Cause]) -> Fit:
     """An explanation with an effect that it had before there were curves, all fitted with the derivatives there are.
 
-    The effect begins absent, since the curves hold what it did: at its former size it would act twice.
+    The effect begins absent, since the curves hold what it did: at its former size it would act twice. It stays so if
+    it is `held`.
     """
     before, now = found.judged[0].fit, found.fit
     fitter = Fitter(problem, now.start)
     fitter.effects = now.effects
     hypothesis, start = joined({**now.parts, cause: np.zeros_like(before.parts[cause])})
     known = {**now.columns, cause: before.columns[cause]}
-    return fitter.fit(hypothesis, start, now.z, now.noise, STEPS, known, by_nuisance=now.by_nuisance, least=ROUGH_GAIN)
+    return fitter.fit(
+        hypothesis, start, now.z, now.noise, STEPS, known, by_nuisance=now.by_nuisance, least=ROUGH_GAIN, held=held
+    )
 
 
 def _approximates(problem: Problem, found: Found, cause: Cause, less: HeldOutScore, lacking: Fit) -> bool:
