@@ -591,6 +591,33 @@ def test_nothing_is_superseded_where_other_names_would_fall_and_forms_would_leav
     assert kept or shapes.notes == ["tried"]
 
 
+@pytest.mark.parametrize(
+    ("left", "count"),
+    [((80.0, 50.0), 2), ((80.0, 60.0), 0), ((80.0,), 0), ((70.0, 69.0), 1), ((70.0, 56.0), 1), ((70.0, 56.0, 39.0), 3)],
+)
+def test_a_form_that_helps_too_little_alone_is_taken_with_the_next_one_or_not_at_all(monkeypatch, left, count):
+    """Alone it has to leave three quarters at most, two together nine sixteenths. `left`: what each leaves of 100."""
+    fit = SimpleNamespace(noise=SimpleNamespace(root=1.0), effects={}, hypothesis=())
+    answers = iter(left)
+
+    def score(power):
+        return SimpleNamespace(residual_power=power, gap=np.sqrt(1.0 + power), fit=fit)
+
+    def following(problem, found, known, quick, lacking, most):
+        power = next(answers, None)
+        if power is None or power > most * found.judged[-1].residual_power:
+            return None
+        return SimpleNamespace(form=SimpleNamespace(id=f"form {power}"), side="both"), score(power)
+
+    monkeypatch.setattr(search_module, "HeldOutScore", SimpleNamespace(of=lambda *_: score(100.0)))
+    monkeypatch.setattr(search_module, "_next", following)
+    for name in ("drop_needless", "keep_sizes", "fewer"):
+        monkeypatch.setattr(search_module, name, lambda *_: [])
+    found = searched(SimpleNamespace(work=0.0), fit, True)
+    assert len(found.forms) == count
+    assert [judged.residual_power for judged in found.judged] == [100.0, *left[:count]]
+
+
 def test_several_names_may_replace_one_curve(monkeypatch):
     """The two that help least are left out together, then the three."""
     causes = [("winding_heating", "both"), ("resistance_error", "both"), ("friction_asymmetry", "both")]
