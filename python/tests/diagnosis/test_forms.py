@@ -610,7 +610,7 @@ def test_a_form_that_helps_too_little_alone_is_taken_with_the_next_one_or_not_at
         return SimpleNamespace(form=SimpleNamespace(id=f"form {power}"), side="both"), score(power)
 
     monkeypatch.setattr(search_module, "HeldOutScore", SimpleNamespace(of=lambda *_: score(100.0)))
-    monkeypatch.setattr(search_module, "_next", following)
+    monkeypatch.setattr(search_module, "next_form", following)
     for name in ("drop_needless", "keep_sizes", "fewer"):
         monkeypatch.setattr(search_module, name, lambda *_: [])
     found = searched(SimpleNamespace(work=0.0), fit, True)

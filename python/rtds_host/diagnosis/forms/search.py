@@ -102,7 +102,7 @@ def searched(problem: Problem, fit: Fit, quick: bool, lacking: Mapping[Cause, Fi
             break
         # In an effect's place only what is left by named effects alone is known.
         most = WITH_THE_NEXT if kept is None else MAX_RESIDUAL_RATIO
-        best = _next(problem, found, known, quick, bases if not found.forms else [], most)
+        best = next_form(problem, found, known, quick, bases if not found.forms else [], most)
         if best is None:
             break
         candidate, judged = best
@@ -198,7 +198,7 @@ def _root(fit: Fit) -> np.ndarray:
     return np.ones(len(fit.residual)) if fit.noise.root is None else fit.noise.root
 
 
-def _next(
+def next_form(
     problem: Problem, found: Found, known: dict[str, Effect], quick: bool, lacking: list[Fit], most: float
 ) -> tuple[FormCandidate, HeldOutScore] | None:
     """The form more that leaves least of runs left out, if it helps enough and no effect makes it as well.
