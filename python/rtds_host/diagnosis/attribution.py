@@ -110,6 +110,9 @@ def _eliminated(search: Search, fit: Fit, rejected: dict[Cause, str]) -> Attribu
     """The attribution by backward elimination. Effects that are removed are added to `rejected`."""
     store, effects = search.store, []
     while fit.hypothesis:
+        gap_left = not store.within_noise(fit)
+        if gap_left:
+            (fit,) = store.settled([fit])
         if refused := store.refused(fit):
             # Fitted again without another effect, a size may have moved where it is no cause.
             cause, why = next(iter(refused.items()))
@@ -117,10 +120,7 @@ def _eliminated(search: Search, fit: Fit, rejected: dict[Cause, str]) -> Attribu
             (fit,) = store.converged(removing.without(store, fit, cause))
             continue
         refitted = removing.without(store, fit, *fit.hypothesis)
-        if store.within_noise(fit):
-            refitted = store.converged(refitted)
-        else:
-            fit, *refitted = store.settled([fit, *refitted])
+        refitted = store.settled(refitted) if gap_left else store.converged(refitted)
         effects = [_evidence_for(store, fit, cause, one) for cause, one in zip(fit.hypothesis, refitted)]
         removed = _weakest(store, fit, effects)
         if removed is None:

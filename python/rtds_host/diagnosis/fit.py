@@ -4,8 +4,8 @@ The objective is -2 log of the likelihood (`likelihood`: white noise, and a size
 residuals, estimated with the fit) times the prior: nuisances z are normal in units of their tolerance. Effect
 parameters u, in units of their spread, are Cauchy about "absent", so that an effect ten times as large as usual is not
 impossible but ten squared times rarer.
-Gauss-Newton with damping on whitened residuals; the size of the model's error is estimated again after each step, and
-what its logarithm takes off the curvature is part of the Hessian (`Likelihood.curvature`).
+Gauss-Newton with damping on whitened residuals; the size of the model's error is estimated again after each step. A
+step with what its logarithm takes off the Hessian (`Likelihood.curvature`) is tried first.
 """
 
 from __future__ import annotations

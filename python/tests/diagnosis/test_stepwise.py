@@ -1,15 +1,20 @@
 """Stepwise selection: what held-out runs choose is added to and exchanged in, where such a choice is not by chance."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 from axis_machine import write_axis_case
 
 from rtds_host.contract import read_case
+from rtds_host.diagnosis.attribution import attribute
 from rtds_host.diagnosis.fit import scaled
 from rtds_host.diagnosis.gap import LEAST
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.search import driver, stepwise
 from rtds_host.diagnosis.search.driver import Search
 from rtds_host.diagnosis.search.stepwise import Selection, neighbours
+from rtds_host.diagnosis.search.store import ABSENT
 
 GAIN, FRICTION = ("driver_gain", "left"), ("coulomb_friction", "left")
 VISCOUS = ("viscous_friction", "left")
@@ -70,6 +75,35 @@ def test_steps_go_on_from_what_comes_closest_where_the_same_explanation_is_chose
     assert found.choice()[1].fit.hypothesis == (GAIN, VISCOUS)
     assert found.stepwise()[1].hypothesis == (GAIN, VISCOUS)
     assert bases == [(GAIN, VISCOUS), (GAIN,), (VISCOUS,)]
+
+
+def settling_without_the_gain(store, monkeypatch):
+    """Let every fit settle where the driver's gain is nothing."""
+
+    def ended(fits):
+        return [replace(f, u=np.where([c == GAIN for c in f.hypothesis], 0.0, f.u)) for f in fits]
+
+    monkeypatch.setattr(store, "settled", ended)
+
+
+def test_an_explanation_that_settles_where_no_effect_is_competes_as_it_was(linear, monkeypatch):
+    search = Search(Problem(linear, 1), quick=True)
+    start = scaled(search.store.effects, (GAIN,), [{"ratio": 1.2}])
+    fit = search.store.try_fit((GAIN,), start, search.begin())
+    settling_without_the_gain(search.store, monkeypatch)
+    found = Selection([search])
+    found.judge(search, [fit])
+    assert found.choice()[1].fit is fit and search.store.admissible(fit)
+
+
+def test_an_effect_that_settles_at_nothing_is_not_included(linear, monkeypatch):
+    search = Search(Problem(linear, 1), quick=True)
+    start = scaled(search.store.effects, (GAIN,), [{"ratio": 1.2}])
+    fit = search.store.try_fit((GAIN,), start, search.begin())
+    assert not search.store.within_noise(fit)
+    settling_without_the_gain(search.store, monkeypatch)
+    found = attribute(search, fit)
+    assert found.included == () and found.rejected == {GAIN: ABSENT}
 
 
 def test_no_step_goes_beyond_the_budget(linear, monkeypatch):

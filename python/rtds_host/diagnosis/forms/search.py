@@ -101,16 +101,17 @@ def searched(problem: Problem, fit: Fit, quick: bool, lacking: Mapping[Cause, Fi
         if problem.work - began > MOST_WORK[quick]:
             break
         # In an effect's place only what is left by named effects alone is known.
-        most = WITH_THE_NEXT if kept is None else MAX_RESIDUAL_RATIO
+        on_trial = kept is not None
+        most = MAX_RESIDUAL_RATIO if on_trial else WITH_THE_NEXT
         best = next_form(problem, found, known, quick, bases if not found.forms else [], most)
         if best is None:
             break
         candidate, judged = best
-        before, kept = kept, kept or (found.judged[:], found.forms[:])
+        kept = kept or (found.judged[:], found.forms[:])
         found.forms.append((candidate.form, candidate.side))
         found.judged.append(judged)
-        if pooled(judged, kept[0][-1]) > MAX_RESIDUAL_RATIO ** (1 if before is None else 2):
-            if before is not None:
+        if pooled(judged, kept[0][-1]) > MAX_RESIDUAL_RATIO ** (2 if on_trial else 1):
+            if on_trial:
                 break
             continue
         kept = None

@@ -54,7 +54,9 @@ class Selection:
             if selected is None or self.could_be_chosen(HeldOutScore.in_sample(problem, fit), selected)
         ]
         problem.follow_angles(True)
-        settled = search.store.settled(good)
+        ends = zip(good, search.store.settled(good), strict=True)
+        # A size may move to its bound, or to nothing, where no explanation is.
+        settled = [end if search.store.admissible(end) else fit for fit, end in ends]
         problem.follow_angles(False)
         self._seen.update(new, settled)
         self._judged |= {fit: (HeldOutScore.of(problem, fit), search) for fit in settled}
