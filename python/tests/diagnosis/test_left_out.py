@@ -143,7 +143,9 @@ def test_what_one_run_alone_knows_of_and_fits_amiss_in_the_others_is_not_include
     ],
 )
 def test_an_effect_that_is_no_cause_at_its_size_is_not_included(monkeypatch, cause, size, why):
-    """Fitted again without another effect, a size may become nothing or move to the end of what is searched."""
+    """Fitted again without another effect, a size may become nothing or move to the end of what is searched, and a fit
+    that is settled may end there.
+    """
     robot = builtin_robot("burger")
     model = nominal_model(robot)
     model.add("coulomb", 0.05)
@@ -153,6 +155,7 @@ def test_an_effect_that_is_no_cause_at_its_size_is_not_included(monkeypatch, cau
     moved = replace(search.store.try_fit(hypothesis, sizes, fit), u=sizes)
     monkeypatch.setattr("rtds_host.diagnosis.attribution._simplest", lambda _, one: one)
     monkeypatch.setattr(type(search.store), "within_noise", lambda *_: False)
+    monkeypatch.setattr(type(search.store), "settled", lambda _, fits: fits)
     found = attribute(search, moved)
     assert [one.cause for one in found.included] == [COULOMB]
     assert found.rejected[cause] == why
