@@ -55,6 +55,9 @@ BOUNDS: dict[str, dict[str, tuple[float, float]]] = {
 # Gains of [servo] that a file may leave out, to be estimated from the runs (contract, section 7).
 SERVO_GAINS = {"kp_v_s_per_rad", "ki_v_per_rad"}
 
+# Numerical: what samples show of a noise is known to this share, that of several thousand samples.
+NOISE_STEP = 0.01
+
 # Channel of a log -> key of its noise in [sensors] (contract, section 2).
 NOISE_KEYS = {
     "i_l": "i_a",
@@ -206,10 +209,15 @@ class Robot:
         """One standard deviation of white noise on a sample of `channel`, or None where it is not declared.
 
         Where a log was looked at: the declared one times the ratio that its samples show (`noise_ratio`), and what
-        rounding adds to it (`rounding`, by channel, SI), which a file does not declare.
+        rounding adds to it (`rounding`, by channel, SI), which a file does not declare. Samples do not show a noise
+        to more than `NOISE_STEP`, and a search takes another path for a millionth more. So it sees whole steps, which
+        are the same whatever digits a file has.
         """
         declared = self.sensors.get(NOISE_KEYS.get(channel, ""))
-        return None if declared is None else math.hypot(self.noise_ratio * declared, self.rounding.get(channel, 0.0))
+        if declared is None:
+            return None
+        shown = declared if self.noise_ratio == 1.0 else _in_steps(self.noise_ratio * declared)
+        return math.hypot(shown, self.rounding.get(channel, 0.0))
 
     @property
     def as_declared(self) -> Robot:
@@ -233,6 +241,12 @@ class Robot:
             return self.tolerance[name]
         of_motor = name in {f.name for f in fields(Motor)} and name != "gear_ratio"
         return self.tolerance.get("motor") if of_motor else None
+
+
+def _in_steps(noise: float) -> float:
+    """The nearest whole power of 1 + `NOISE_STEP`; nothing stays nothing."""
+    step = math.log1p(NOISE_STEP)
+    return math.exp(step * round(math.log(noise) / step)) if noise > 0.0 else noise
 
 
 class _Section:

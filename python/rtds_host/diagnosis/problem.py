@@ -74,7 +74,7 @@ class Problem:
         coarsest = max(float(np.median(np.diff(log.t))) for log in case.runs)
         self.block_s = min(gaps.WINDOW_S, max(lasted / LEAST_BLOCKS, ROWS_A_BLOCK * coarsest))
         self.pieces = pieces
-        self.whole = [RunData(log, run_inputs(log, self.declared)) for log in case.runs]
+        self.whole = [RunData(log, run_inputs(log, self.robot)) for log in case.runs]
         self.searched = min(1.0, SEARCHED_S / lasted, SEARCHED_ROWS / sum(len(log.t) for log in case.runs))
         self.runs, owners = [], []
         shortfall = 0.0  # of what is to be searched, s, what the runs so far did not give
@@ -86,7 +86,7 @@ class Problem:
                 parts = self._stretches(log, shortfall)
                 shortfall -= sum(float(part.log.t[-1] - part.log.t[0]) for part in parts)
             else:
-                parts = [self._prepared(log, run_inputs(log, self.declared))]
+                parts = [self._prepared(log, run_inputs(log, self.robot))]
             self.runs += parts
             owners += [k] * len(parts)
         self.owners = owners
@@ -172,7 +172,7 @@ class Problem:
             if last - first >= ROWS_A_BLOCK
         ]
         return [
-            self._prepared(log.rows(first, last), piece_inputs(log, self.declared, first, last))
+            self._prepared(log.rows(first, last), piece_inputs(log, self.robot, first, last))
             for first, last in bounds or [(0, len(log.t))]
         ]
 
@@ -196,7 +196,7 @@ class Problem:
             if first is not None and last - first >= ROWS_A_BLOCK:
                 parts.append(
                     self._prepared(
-                        log.rows(int(first), int(last)), stretch_inputs(log, self.declared, int(first), int(last))
+                        log.rows(int(first), int(last)), stretch_inputs(log, self.robot, int(first), int(last))
                     )
                 )
         return parts

@@ -172,8 +172,9 @@ def _compared(
     model = nominal_model(robot)
     replayed_runs = [replay_run(model, run_inputs(log, robot)) for log in case.runs]
     # A sensor of few counts sits on each of them, its largest one, too. Held samples repeat themselves where others
-    # show noise, which may be more than the file declares. A simulator's log has none, and none of it is held.
-    counting = replace(robot, rounding=rounded, noise_ratio=max(noise_ratio(case, rounded, replayed_runs), 1.0))
+    # show noise, whatever the file declares. A simulator's log has hardly any, and none of it is held.
+    ratio = noise_ratio(case, rounded, replayed_runs)
+    counting = replace(robot, rounding=rounded, noise_ratio=ratio if ratio > MINOR_SHARE else 1.0)
     noise = {channel: counting.known_noise(channel) for channel in rounded}
     found: list[Finding] = []
     lags: list[tuple[str, float]] = []
