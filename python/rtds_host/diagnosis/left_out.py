@@ -23,7 +23,7 @@ Errors = Mapping[str, gaps.Squares]
 STEPS, TRUSTED, SHORT = 2, 3.0, 0.25
 
 
-def left_out(problem: Problem, fit: Fit, parts: Sequence[np.ndarray]) -> list[Model]:
+def left_out(problem: Problem, fit: Fit, parts: list[np.ndarray]) -> list[Model]:
     """The explanation fitted without each of some parts of the residuals: rows (m,) each, all N of them together.
 
     Gauss-Newton steps with the derivatives of the fit to all; the weights of the likelihood are those of the residuals
@@ -31,7 +31,6 @@ def left_out(problem: Problem, fit: Fit, parts: Sequence[np.ndarray]) -> list[Mo
     that are left are taken: steps that come late have kinks, across which a derivative leads astray.
     """
     keep = np.flatnonzero(fit.free)
-    jacobian = np.concatenate([fit.by_nuisance, fit.by_effect], axis=1)[:, keep].astype(float)
     others = [np.ones(len(fit.residual), bool) for _ in parts]
     for other, rows in zip(others, parts, strict=True):
         other[rows] = False
@@ -41,7 +40,11 @@ def left_out(problem: Problem, fit: Fit, parts: Sequence[np.ndarray]) -> list[Mo
     for turn in range(STEPS):
         if not going:
             break
-        steps = [_step(fit, keep, jacobian, residuals[k], others[k], moves[k], first=not turn) for k in going]
+        if turn:
+            asked = [_asked(fit, keep, residuals[k], parts[:k] + parts[k + 1 :], moves[k]) for k in going]
+        else:
+            asked = _asked_at_fit(fit, keep, parts)
+        steps = [_step(fit, keep, *one) for one in asked]
         for k, (step, _) in zip(going, steps, strict=True):
             moves[k] = moves[k] + step
         found = problem.residuals([_moved(problem, fit, moves[k]) for k in going])
@@ -60,26 +63,50 @@ def _cost(fit: Fit, residual: np.ndarray, others: np.ndarray) -> float:
     return float(white @ white + noise.log[others].sum())
 
 
-def _step(
-    fit: Fit,
-    keep: np.ndarray,
-    jacobian: np.ndarray,
-    residual: np.ndarray,
-    others: np.ndarray,
-    move: np.ndarray,
-    first: bool,
-) -> tuple[np.ndarray, float]:
-    """A step of all parameters, (k + p,), towards the optimum of some rows, `others` (N,) of bool, from where `move`
-    led, and how many sigmas it is; none where these rows do not determine it. `first`: the first one, which starts from
-    an optimum of all rows."""
-    noise = fit.noise.estimated(residual)
-    weight = np.ones(len(residual)) if noise.root is None else np.square(noise.root)
-    at = (np.concatenate([fit.z, fit.u]) + move)[keep]
-    prior = prior_weight(fit.z, fit.u)[keep]
-    used = np.where(others, weight, 0.0)
-    hessian = jacobian.T @ (jacobian * used[:, None]) + np.diag(prior)
-    # What the last step of the fit to all left is no part of what these rows ask for.
-    gradient = jacobian.T @ ((used - weight if first else used) * residual) + (0.0 if first else prior * at)
+def _root(fit: Fit, residual: np.ndarray) -> np.ndarray:
+    """Square roots (N,) of the weights of the likelihood at some residuals."""
+    root = fit.noise.estimated(residual).root
+    return np.ones(len(residual)) if root is None else root
+
+
+def _normal(
+    fit: Fit, keep: np.ndarray, residual: np.ndarray, root: np.ndarray, rows: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Hessian (p, p) and gradient (p,) of half the weighted squares of some rows (m,), by the parameters to `keep`."""
+    columns = [*fit.by_nuisance.T, *fit.by_effect.T]
+    jacobian = np.empty((len(rows), len(keep)), order="F")
+    for j, into in zip(keep, jacobian.T, strict=True):
+        np.multiply(columns[j][rows], root[rows], out=into)
+    return jacobian.T @ jacobian, jacobian.T @ (root[rows] * residual[rows])
+
+
+def _asked_at_fit(fit: Fit, keep: np.ndarray, parts: Sequence[np.ndarray]) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Hessian (p, p) and gradient (p,) of half the cost of all rows but those of each part, at the fit to all: an
+    optimum, so what its last step left is no part of what the others ask for."""
+    root, prior = _root(fit, fit.residual), np.diag(prior_weight(fit.z, fit.u)[keep])
+    found = [_normal(fit, keep, fit.residual, root, rows) for rows in parts]
+    return [
+        (sum((hessian for j, (hessian, _) in enumerate(found) if j != k), prior), -gradient)
+        for k, (_, gradient) in enumerate(found)
+    ]
+
+
+def _asked(
+    fit: Fit, keep: np.ndarray, residual: np.ndarray, others: Sequence[np.ndarray], move: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The same of the rows of some parts, `others`, where `move` led."""
+    root = _root(fit, residual)
+    at, weight = (np.concatenate([fit.z, fit.u]) + move)[keep], prior_weight(fit.z, fit.u)[keep]
+    hessian, gradient = np.diag(weight), weight * at
+    for rows in others:
+        own, pull = _normal(fit, keep, residual, root, rows)
+        hessian, gradient = hessian + own, gradient + pull
+    return hessian, gradient
+
+
+def _step(fit: Fit, keep: np.ndarray, hessian: np.ndarray, gradient: np.ndarray) -> tuple[np.ndarray, float]:
+    """A step of all parameters, (k + p,), towards the optimum, and how many sigmas it is; none where the rows that are
+    left do not determine it."""
     sigma = np.sqrt(np.diag(np.linalg.inv(hessian)))
     step = np.zeros(len(fit.free))
     step[keep] = -np.clip(np.linalg.solve(hessian, gradient), -TRUSTED * sigma, TRUSTED * sigma)

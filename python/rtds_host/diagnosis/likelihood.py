@@ -27,7 +27,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
+from functools import cached_property
 
+import numba
 import numpy as np
 
 # Numerical: mean squares of a group that noise alone makes, in standard deviations sqrt(2 / n) of its chi-square.
@@ -47,6 +49,7 @@ class Likelihood:
     samples : (m,) how many samples of unknown size each group is worth, b.
     weight : (m,) weight of the rows of each group; None: white noise alone.
     constant : (m,) what the tangent of each group's cost has beyond the weighted squares.
+    sizes : (m,) rows of each group, where they are known.
     """
 
     def __init__(
@@ -55,12 +58,22 @@ class Likelihood:
         samples: np.ndarray,
         weight: np.ndarray | None = None,
         constant: np.ndarray | None = None,
+        sizes: np.ndarray | None = None,
     ):
         self.groups, self.samples, self.count = groups, samples, len(groups)
-        self.sizes = np.bincount(groups).astype(float)
+        self.sizes = np.bincount(groups).astype(float) if sizes is None else sizes
         self.weight = weight
-        self.root = None if weight is None else np.sqrt(weight)[groups]
-        self.log = np.zeros(self.count) if constant is None else (constant / self.sizes)[groups]
+        self.constant = np.zeros(len(self.sizes)) if constant is None else constant
+
+    @cached_property
+    def root(self) -> np.ndarray | None:
+        """Square root of each residual's weight, (N,); None for white noise alone."""
+        return None if self.weight is None else np.sqrt(self.weight)[self.groups]
+
+    @cached_property
+    def log(self) -> np.ndarray:
+        """What each residual's cost has beyond its weighted square, (N,)."""
+        return (self.constant / self.sizes)[self.groups]
 
     def whiten(self, column: np.ndarray) -> np.ndarray:
         """A column (N,) times the square root of the weights, in the type it comes in; itself without weights."""
@@ -84,9 +97,9 @@ class Likelihood:
     def cost(self, residual: np.ndarray) -> float:
         """-2 log likelihood of residuals (N,) by the tangent, at least that of the likelihood itself; infinite where a
         replay ran away."""
+        squares = _squares(self.groups, residual, len(self.sizes))
         with np.errstate(over="ignore", invalid="ignore"):
-            white = self.whiten(residual)
-            cost = float(white @ white + self.log.sum())
+            cost = float(np.sum(squares if self.weight is None else squares * self.weight) + self.constant.sum())
         return cost if math.isfinite(cost) else math.inf
 
     def blocks(self, residual: np.ndarray, blocks: np.ndarray, count: int) -> np.ndarray:
@@ -99,11 +112,11 @@ class Likelihood:
         n = self.sizes
         largest = 1.0 + CHANCE_SIGMAS * np.sqrt(2.0 / n)
         with np.errstate(over="ignore", invalid="ignore"):  # of a replay that ran away
-            square = np.bincount(self.groups, residual * residual) / n
+            square = _squares(self.groups, residual, len(n)) / n
             over = np.maximum(square - largest, 0.0)
             unknown = 1.0 + n * over / self.samples
             cost = np.where(over > 0.0, n * largest + self.samples * np.log(unknown), n * square)
-            return Likelihood(self.groups, self.samples, 1.0 / unknown, cost - n * square / unknown)
+            return Likelihood(self.groups, self.samples, 1.0 / unknown, cost - n * square / unknown, n)
 
     def curvature(self, jacobian: np.ndarray, white: np.ndarray) -> np.ndarray:
         """What the logarithm takes off the Hessian of the weighted squares, (p, p).
@@ -118,8 +131,8 @@ class Likelihood:
         """
         if self.weight is None:
             return np.zeros((jacobian.shape[1],) * 2)
-        products = np.array([np.bincount(self.groups, white * column) for column in jacobian.T])
-        squares = np.where(self.weight < 1.0, np.bincount(self.groups, white * white), np.inf)
+        products = _products(self.groups, white, jacobian.T, len(self.sizes))
+        squares = np.where(self.weight < 1.0, _squares(self.groups, white, len(self.sizes)), np.inf)
         return (products * (CURVATURE_SHARE / squares)) @ products.T
 
     def misfit(self, residual: np.ndarray) -> float:
@@ -127,9 +140,45 @@ class Likelihood:
         size; 0 where only noise is left.
         """
         n = self.sizes
-        square = np.bincount(self.groups, residual * residual) / n
+        square = _squares(self.groups, residual, len(n)) / n
         over = n * np.maximum(square - 1.0 - CHANCE_SIGMAS * np.sqrt(2.0 / n), 0.0)
         return float(np.sum(over / (1.0 + over / self.samples)))
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _squares(groups, residual, count):
+    """Sum of the squares of residuals (N,) in each of `count` groups (N,), (count,). Rows of a group are neighbours."""
+    found = np.zeros(count)
+    total, at = 0.0, groups[0]
+    for k in range(len(residual)):
+        if groups[k] != at:
+            found[at] += total
+            total, at = 0.0, groups[k]
+        total += residual[k] * residual[k]
+    found[at] += total
+    return found
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _products(groups, white, columns, count):
+    """Sum of a column (N,) times each of others (p, N) in each group, (p, count). Four at a time, since a sum waits for
+    the one before."""
+    found = np.zeros((len(columns), count))
+    for first in range(0, len(columns), 4):
+        last = len(columns) - 1
+        a, b = columns[first], columns[min(first + 1, last)]
+        c, d = columns[min(first + 2, last)], columns[min(first + 3, last)]
+        sums, at = (0.0, 0.0, 0.0, 0.0), groups[0]
+        for k in range(len(white) + 1):
+            if k == len(white) or groups[k] != at:
+                for j in range(min(4, len(columns) - first)):
+                    found[first + j, at] += sums[j]
+                if k == len(white):
+                    break
+                sums, at = (0.0, 0.0, 0.0, 0.0), groups[k]
+            one = white[k]
+            sums = (sums[0] + one * a[k], sums[1] + one * b[k], sums[2] + one * c[k], sums[3] + one * d[k])
+    return found
 
 
 def correlated(residual: np.ndarray, channels: np.ndarray, sigmas: float, differences: Collection[int] = ()) -> bool:
