@@ -149,6 +149,8 @@ class Likelihood:
 def _squares(groups, residual, count):
     """Sum of the squares of residuals (N,) in each of `count` groups (N,), (count,). Rows of a group are neighbours."""
     found = np.zeros(count)
+    if len(residual) == 0:
+        return found
     total, at = 0.0, groups[0]
     for k in range(len(residual)):
         if groups[k] != at:
@@ -164,6 +166,8 @@ def _products(groups, white, columns, count):
     """Sum of a column (N,) times each of others (p, N) in each group, (p, count). Four at a time, since a sum waits for
     the one before."""
     found = np.zeros((len(columns), count))
+    if len(white) == 0:
+        return found
     for first in range(0, len(columns), 4):
         last = len(columns) - 1
         a, b = columns[first], columns[min(first + 1, last)]

@@ -116,3 +116,19 @@ def test_differences_of_white_noise_are_not_correlated_and_those_of_a_wave_are()
     assert correlated(np.diff(white), channels, 4.9)
     assert not correlated(np.diff(white), channels, 4.9, [0])
     assert correlated(np.diff(white + wave), channels, 4.9, [0])
+
+
+def test_sums_over_groups_are_those_of_each_column_and_of_nothing_nothing():
+    """Five columns, one more than are summed at a time, and groups of one row and of several."""
+    rng = np.random.default_rng(4)
+    groups, residual, jacobian = np.array([0, 1, 1, 1, 2, 2]), 30.0 * rng.normal(size=6), rng.normal(size=(6, 5))
+    noise = Likelihood(groups, np.ones(3)).estimated(residual)
+    white = noise.whiten(residual)
+    products = np.array([np.bincount(groups, white * column) for column in jacobian.T])
+    squares = np.where(noise.weight < 1.0, np.bincount(groups, white * white), np.inf)
+    expected = (products * (CURVATURE_SHARE / squares)) @ products.T
+    assert np.any(expected != 0.0)
+    assert noise.curvature(jacobian, white) == pytest.approx(expected, rel=1e-12)
+    none = Likelihood(np.empty(0, int), np.empty(0), np.empty(0))
+    assert none.cost(np.empty(0)) == 0.0
+    assert np.array_equal(none.curvature(np.empty((0, 5)), np.empty(0)), np.zeros((5, 5)))
