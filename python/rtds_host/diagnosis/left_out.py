@@ -73,11 +73,11 @@ def _normal(
     fit: Fit, keep: np.ndarray, residual: np.ndarray, root: np.ndarray, rows: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Hessian (p, p) and gradient (p,) of half the weighted squares of some rows (m,), by the parameters to `keep`."""
-    columns = [*fit.by_nuisance.T, *fit.by_effect.T]
+    columns, mine = [*fit.by_nuisance.T, *fit.by_effect.T], root[rows]
     jacobian = np.empty((len(rows), len(keep)), order="F")
     for j, into in zip(keep, jacobian.T, strict=True):
-        np.multiply(columns[j][rows], root[rows], out=into)
-    return jacobian.T @ jacobian, jacobian.T @ (root[rows] * residual[rows])
+        np.multiply(columns[j][rows], mine, out=into)
+    return jacobian.T @ jacobian, jacobian.T @ (mine * residual[rows])
 
 
 def _asked_at_fit(fit: Fit, keep: np.ndarray, parts: Sequence[np.ndarray]) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -94,7 +94,7 @@ def _asked_at_fit(fit: Fit, keep: np.ndarray, parts: Sequence[np.ndarray]) -> li
 def _asked(
     fit: Fit, keep: np.ndarray, residual: np.ndarray, others: Sequence[np.ndarray], move: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The same of the rows of some parts, `others`, where `move` led."""
+    """Hessian (p, p) and gradient (p,) of half the cost of the rows of some parts, `others`, where `move` led."""
     root = _root(fit, residual)
     at, weight = (np.concatenate([fit.z, fit.u]) + move)[keep], prior_weight(fit.z, fit.u)[keep]
     hessian, gradient = np.diag(weight), weight * at

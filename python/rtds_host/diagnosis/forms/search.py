@@ -1,9 +1,9 @@
 """The search for forms: what named effects leave, as curves in the equations that lack something.
 
 One form is taken after the other, at most three. One that helps, but not enough, may be taken with the next one, as
-with effects. Derivatives say which are worth a fit; fits say what each leaves of
-runs left out, and that decides, as it does between effects (`choice`). So the equation is that which predicts other
-runs, and not the one with the largest residual. A form that a later one makes needless is dropped (`backward`).
+with effects. Derivatives say which are worth a fit. Fits say what each leaves of runs left out, and that decides, as it
+does between effects (`choice`). So the equation is that which predicts other runs, and not the one with the largest
+residual. A form that a later one makes needless is dropped (`backward`).
 """
 
 from __future__ import annotations
