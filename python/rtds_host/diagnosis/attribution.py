@@ -22,6 +22,7 @@ from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.scatter import absent
 from rtds_host.diagnosis.search.driver import Search
 from rtds_host.diagnosis.search.moves import removing
+from rtds_host.diagnosis.search.moves.adding import with_one_of
 from rtds_host.diagnosis.search.store import Store
 from rtds_host.diagnosis.thresholds import FEW_SHARE, MAJORITY
 
@@ -95,6 +96,27 @@ def without_effects(search: Search, before: Attribution, removed: dict[Cause, st
     if not kept:
         return Attribution(base, base, (), rejected, (), _alternatives(store, base, [], []))
     return _eliminated(search, _predicting_best(store, store.try_fit(*joined(kept), before.fit)), rejected)
+
+
+def with_one_more(search: Search, before: Attribution, names: set[str], curves: float) -> Attribution:
+    """An attribution with one of some effects more, that which leaves least of held-out runs, if they support it and it
+    makes the larger part of what curves make.
+
+    curves : the residual power that these leave, see `HeldOutScore.residual_power`.
+    """
+    store, problem = search.store, search.problem
+    if not (names := names & store.wanted):
+        return before
+    problem.follow_angles(True)
+    fits = store.settled(store.try_fits(with_one_of(store, before.fit, names)))
+    problem.follow_angles(False)
+    now = HeldOutScore.of(problem, before.fit)
+    scores = [HeldOutScore.of(problem, fit) for fit in fits if store.admissible(fit)]
+    best = min(scores, key=lambda one: one.gap, default=now)
+    left, most = (one.residual_power for one in (best, now))
+    if residual_ratio(best, now) > MAX_RESIDUAL_RATIO or most - left < MAJORITY * (most - curves):
+        return before
+    return _eliminated(search, best.fit, dict(before.rejected))
 
 
 def _predicting_best(store: Store, fit: Fit) -> Fit:

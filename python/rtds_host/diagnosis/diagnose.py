@@ -13,8 +13,16 @@ from threadpoolctl import threadpool_limits
 from rtds_host.contract import Case
 from rtds_host.diagnosis import budget
 from rtds_host.diagnosis import gap as gaps
-from rtds_host.diagnosis.attribution import Attribution, EffectEvidence, attribute, declared, without_effects
+from rtds_host.diagnosis.attribution import (
+    Attribution,
+    EffectEvidence,
+    attribute,
+    declared,
+    with_one_more,
+    without_effects,
+)
 from rtds_host.diagnosis.choice import MAX_RESIDUAL_RATIO
+from rtds_host.diagnosis.effects import RESEMBLES
 from rtds_host.diagnosis.effort import Effort
 from rtds_host.diagnosis.experiment import next_experiment
 from rtds_host.diagnosis.fit import Fit
@@ -28,6 +36,7 @@ from rtds_host.diagnosis.localise.shares import FAINT
 from rtds_host.diagnosis.nuisances import SETUP
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.report.details import Candidate, Details
+from rtds_host.diagnosis.report.words import effect_name
 from rtds_host.diagnosis.residual import CHANNELS
 from rtds_host.diagnosis.scatter import over_runs, scattered
 from rtds_host.diagnosis.screen import changes_by_missing, sensitivities_of
@@ -321,7 +330,8 @@ def without_superseded(
     """The attribution without the effects that forms supersede, what it leaves of runs left out, and the forms.
 
     Effects that help only next to superseded ones fall with them. Then the forms are those of what is left, or, where
-    these leave more of runs left out than the criterion allows, no effect is superseded.
+    these leave more of runs left out than the criterion allows, no effect is superseded. Where held-out runs support an
+    effect of the catalogue that makes the larger part of a curve, it is named.
 
     Parameters
     ----------
@@ -329,6 +339,16 @@ def without_superseded(
     """
     problem, quick = found.problem, found.search.quick
     reduced = without_effects(found.search, attribution, {cause: SUPERSEDED for cause in shapes.superseded})
+    # Section 3's names are preferred to forms (contract, section 5): dry friction to a torque over the speed.
+    alike = {name for one in shapes.entries for name in RESEMBLES.get((one["term"], one["over"]), ())}
+    alike -= {name for name, _ in shapes.superseded}
+    named = with_one_more(found.search, reduced, alike, shapes.left[-1] ** 2 - 1.0) if alike else reduced
+    if named is not reduced:
+        left = held_out(problem, named)
+        beyond = forms_of(problem, named.fit, left.gap("after"), quick)
+        new = [effect_name(_named(problem, c)) for c in named.fit.hypothesis if c not in reduced.fit.hypothesis]
+        said = [f"{effect} is named in place of this curve: it makes the larger part of it" for effect in new]
+        return named, left, replace(beyond, notes=shapes.notes + said + beyond.notes)
     left = held_out(problem, reduced)
     kept = {one.cause for one in reduced.included}
     if kept == {cause for cause in attribution.fit.hypothesis if cause not in shapes.superseded}:

@@ -570,6 +570,28 @@ def test_what_gave_way_is_no_longer_named_and_the_gap_is_without_it():
     assert shapes.superseded == (cause,)
 
 
+@pytest.mark.parametrize(("curve_leaves", "taken"), [(3.6, True), (1.1, False)])
+def test_an_effect_is_named_in_place_of_a_curve_if_it_makes_the_larger_part_of_it(curve_leaves, taken):
+    """A torque over the speed supersedes friction that grows with the load. Dry friction is one of its shapes, and
+    takes a third of the residual, which a slow speed sensor makes for the rest. curve_leaves : gap with the curve."""
+
+    def rubs_and_lags(model: Model) -> None:
+        model.add("coulomb", 0.02)
+        model.add("speed_tau", 0.024)
+
+    search = Search(Problem(make_case(rubs_and_lags), 1), True)
+    nothing, cause = search.begin(), ("load_friction", "both")
+    start = np.array([search.store.effects[cause[0]].parameters[0].scaled(0.01)])
+    named = search.store.try_fit((cause,), start, nothing)
+    found = Investigation(search.problem, search, Attribution(named, nothing, (), {}, (), (((cause,), 1.0),)))
+    held = held_out(search.problem, found.attribution)
+    curve = Forms(superseded=(cause,), entries=[{"term": "torque", "over": "w"}], left=[5.0, curve_leaves])
+    attribution, held, shapes = without_superseded(found, found.attribution, held, curve)
+    assert [one.cause for one in attribution.included] == ([("coulomb_friction", "both")] if taken else [])
+    assert any("in place of this curve" in note for note in shapes.notes) == taken
+    assert cause in attribution.rejected
+
+
 @pytest.mark.parametrize(("with_all", "kept"), [(2.0, True), (3.9, False), (None, False)])
 def test_nothing_is_superseded_where_other_names_would_fall_and_forms_would_leave_more(monkeypatch, with_all, kept):
     """Without the friction the drop is no longer included, and a curve next to nothing leaves a gap of 4."""
