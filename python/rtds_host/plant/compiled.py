@@ -42,7 +42,17 @@ def law(function: Callable) -> Any:
 
 def loop(function: Callable) -> Any:
     """Compile a loop that uses equations or positions of parameters, with a cache entry that follows both."""
-    dispatcher = numba.njit(nogil=True, error_model="numpy")(function)
+    return _cached(function)
+
+
+def allocation_free(function: Callable) -> Any:
+    """The same of a loop that allocates no array. Nothing in it is counted by reference: at each step of a replay,
+    counting the rows that a form is read from costs as much as the rest of the step."""
+    return _cached(function, _nrt=False)
+
+
+def _cached(function: Callable, **options: Any) -> Any:
+    dispatcher = numba.njit(nogil=True, error_model="numpy", **options)(function)
     # Numba has no public way to give a function another cache.
     dispatcher._cache = KeyedCache(dispatcher.py_func)  # type: ignore[attr-defined]
     return dispatcher

@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from rtds_host.plant.compiled import loop
+from rtds_host.plant.compiled import allocation_free, law, loop
 
 # Numerical: points of a curve, of one of two branches, and forms a side. Branches have more: what a formula says of a
 # jump lies between two of them.
@@ -114,7 +114,7 @@ def values_in(row: np.ndarray) -> np.ndarray:
     return row[VALUES : VALUES + (2 * HALF if row[OVER] <= _LAST_BRANCH else POINTS)]
 
 
-@loop
+@law
 def curve(row, x):
     """Value and slope of a form at x; at a jump's place it is zero, with no slope.
 
@@ -149,7 +149,7 @@ def curve(row, x):
     return a + (b - a) * (at - k), (b - a) * per
 
 
-@loop
+@law
 def branch(row, positive, size):
     """Value and slope (by x) of one branch of a form at a size of x, 0 included: the value next to the jump."""
     per = (HALF - 1) / row[HIGH]
@@ -163,7 +163,7 @@ def branch(row, positive, size):
     return a + (b - a) * (at - k), (b - a) * per * way
 
 
-@loop
+@law
 def act(rows, quantities, past, acts):
     """What a side's forms come to.
 
@@ -233,7 +233,7 @@ def act(rows, quantities, past, acts):
             acts[TURN] += value
 
 
-@loop
+@allocation_free
 def back_emf(acts, constant, speed):
     """Voltage at the nominal bus by which the back-EMF is smaller where forms change the torque constant, V.
 
@@ -244,7 +244,7 @@ def back_emf(acts, constant, speed):
     return -acts[CONSTANT] * constant * speed
 
 
-@loop
+@allocation_free
 def follow(rows, volts, past):
     """Follow a command through its turns: whether its size grows, or has fallen back from an extreme.
 
@@ -274,13 +274,13 @@ def follow(rows, volts, past):
             past[EXTREME] = volts
 
 
-@loop
+@allocation_free
 def filtered_load(load, torque, h):
     """The load of a gear after h s in which it delivered `torque`, N·m; load : N·m before."""
     return load + (torque - load) * (1.0 - math.exp(-h / LOAD_S))
 
 
-@loop
+@allocation_free
 def warmed(heat, current, h, tau):
     """A heat, A², after h s at a mean current, A, with the time constant tau, s.
 
@@ -299,7 +299,7 @@ def heats(t, currents, tau):
     return found
 
 
-@loop
+@allocation_free
 def remember(rows, torque, current, h, past):
     """Take what a side's forms remember of a step to its end.
 
@@ -318,7 +318,7 @@ def remember(rows, torque, current, h, past):
         past[GEAR_LOAD] = filtered_load(past[GEAR_LOAD], torque, h)
 
 
-@loop
+@allocation_free
 def reads(rows, term, over, x):
     """What a side's forms add to a sensor's reading of x, in x's unit; term, over : their codes."""
     total = 0.0
@@ -328,13 +328,13 @@ def reads(rows, term, over, x):
     return total
 
 
-@loop
+@allocation_free
 def turns_read(rows, rate, elapsed):
     """What a robot's forms add to its gyro's reading of `rate` rad/s, `elapsed` s after the run began, rad/s."""
     return reads(rows, _GYRO, _RATE, rate) + reads(rows, _GYRO, _TIME, elapsed)
 
 
-@loop
+@allocation_free
 def any_of(rows):
     """Whether there is a form among rows (2, MOST_FORMS, WIDTH)."""
     for k in range(rows.shape[0]):
@@ -344,7 +344,7 @@ def any_of(rows):
     return False
 
 
-@loop
+@allocation_free
 def any_read(rows):
     """Whether one of the forms (2, MOST_FORMS, WIDTH) is of what a sensor reads."""
     for k in range(rows.shape[0]):
@@ -354,7 +354,26 @@ def any_read(rows):
     return False
 
 
-@loop
+@allocation_free
+def any_over_current(rows):
+    """Whether one of the forms (2, MOST_FORMS, WIDTH) runs over the mean current of a step."""
+    for k in range(rows.shape[0]):
+        for n in range(MOST_FORMS):
+            if rows[k, n, OVER] == _I and rows[k, n, TERM] != 0.0 and rows[k, n, TERM] != _VOLTAGE:
+                return True
+    return False
+
+
+@allocation_free
+def any_scrub(rows):
+    """Whether one of the forms (2, MOST_FORMS, WIDTH) holds the robot against its yaw rate."""
+    for n in range(MOST_FORMS):
+        if rows[0, n, TERM] == _YAW and rows[0, n, OVER] == _RATE:
+            return True
+    return False
+
+
+@allocation_free
 def any_remembered(rows):
     """Whether one of the forms (2, MOST_FORMS, WIDTH) runs over what is remembered of steps before."""
     for k in range(rows.shape[0]):
@@ -364,7 +383,7 @@ def any_remembered(rows):
     return False
 
 
-@loop
+@allocation_free
 def holds(rows):
     """Whether a side's forms (MOST_FORMS, WIDTH) hold dry friction."""
     for n in range(MOST_FORMS):

@@ -17,7 +17,7 @@ import numpy as np
 from rtds_host.diagnosis.replay import kernel as one
 from rtds_host.diagnosis.replay.kernel import TRIALS
 from rtds_host.plant import driver, forms, friction, gear, ground, motor, sensors
-from rtds_host.plant.compiled import law, loop
+from rtds_host.plant.compiled import allocation_free, law, loop
 from rtds_host.plant.elementary import cos_less_one, exp_minus, sin, sine, tanh
 from rtds_host.plant.schema import COMMON, SIDE, SIDE_INDEX, common_indices, side_indices
 from rtds_host.plant.torque import functions
@@ -71,7 +71,7 @@ SIZE = _COMMON + _COMMON_ROWS * SIMD_WIDTH
 _torque_of = law(functions(TORQUES, "s, o, l", lambda entry: f"s[o + {SIDE_INDEX[entry.name] * SIMD_WIDTH} + l]")[0])
 
 
-@loop
+@allocation_free
 def _begin(s, l, side, com, curves, run, start):
     """Set a lane to the start of a run; arguments as of `kernel.replay`."""
     ratio, axis = com[one.GEAR], int(com[one.AXIS])
@@ -131,13 +131,13 @@ def _begin(s, l, side, com, curves, run, start):
     s[RATE + l] = (s[_SIDE + RADIUS + l] * s[_SIDE + W + l] - s[RADIUS + l] * s[W + l]) / com[one.TRACK]
 
 
-@loop
+@allocation_free
 def _told(curves, model, k, speed):
     """What forms add to a speed's reading, rad/s."""
     return forms.reads(curves[model, k], one.SPEED, one.OVER_W + 1, speed)
 
 
-@loop
+@allocation_free
 def _read(out, row, curves, model, held_s, l, elapsed):
     """Add what forms do to the readings in a row of `out`, `elapsed` s after the run began.
 
@@ -159,7 +159,7 @@ def _sticks(stick, speed, need, hi, lo, dry):
     return other if dry > 0.0 else stick
 
 
-@loop
+@allocation_free
 def _carried(s, ends, job, recalls, which, curves, redone, past):
     """Take what forms remember to the end of a step, which some lanes take once more; arguments: see `replay_batch`."""
     for l in range(SIMD_WIDTH):
@@ -172,8 +172,8 @@ def _carried(s, ends, job, recalls, which, curves, redone, past):
             forms.remember(curves[which[job[l], 0], k], delivered, mean, s[H + l], past[l, k])
 
 
-@loop
-def _formed(s, ends, job, curved, which, sides, coms, curves, shaped, about, acts, past):
+@allocation_free
+def _formed(s, ends, job, curved, by_current, which, sides, coms, curves, shaped, about, acts, past):
     """Put into the rows of lanes that have forms what these come to in a step; arguments as in `replay_batch`."""
     for l in range(SIMD_WIDTH):
         if not curved[l]:
@@ -195,7 +195,7 @@ def _formed(s, ends, job, curved, which, sides, coms, curves, shaped, about, act
                 share = (s[NOW + l] + s[DONE + l] - half - s[SINCE + l]) * s[PER_SPAN + l]
                 at = s[o + AT] + min(max(share, 0.0), 1.0) * s[o + AHEAD]
             about[one.OVER_TH], about[one.OVER_MOTOR] = at, coms[model, one.GEAR] * at
-            if not by_torque:
+            if by_current[l] and not by_torque:
                 emf = s[o + KE] * s[o + WM]
                 # What the current comes to with the forms of the step before.
                 volts = driver.winding_voltage(
@@ -260,7 +260,7 @@ def _is_free(s, l):
     return s[CONTACT + l] == _FREE or s[_SIDE + CONTACT + l] == _FREE
 
 
-@loop
+@allocation_free
 def _kept_state(s, l, kept, back):
     """Keep what accepting a step changes in a lane, or bring it back."""
     for n, row in enumerate(_ACCEPTED):
@@ -310,8 +310,8 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
     # Of servos: reference, rad/s, integral, V, and when they sample next, s.
     wanted, integral, next_servo = np.zeros((2, SIMD_WIDTH)), np.zeros((2, SIMD_WIDTH)), np.full(SIMD_WIDTH, NEVER)
     shapes = np.zeros(SIMD_WIDTH, np.bool_)
-    # Whether a lane has forms, forms of readings, and forms that remember.
-    curved, reads, recalls = np.zeros((3, SIMD_WIDTH), np.bool_)
+    # Whether a lane has forms, forms of readings, forms that remember, forms over the current, and forms that scrub.
+    curved, reads, recalls, by_current, scrubs = np.zeros((5, SIMD_WIDTH), np.bool_)
     about, acts = np.zeros(forms.ABOUT), np.zeros(forms.ACTS)
     past = np.zeros((SIMD_WIDTH, 2, forms.PAST))
     given = 0
@@ -373,6 +373,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                             integral[k, l] = one.held_integral(of_model, k, coms[model], s[o + CUR], s[o + W])
                     curved[l] = forms.any_of(curves[model])
                     reads[l], recalls[l] = forms.any_read(curves[model]), forms.any_remembered(curves[model])
+                    by_current[l], scrubs[l] = forms.any_over_current(curves[model]), forms.any_scrub(curves[model])
                     shapes[l] = one.shaped_by(of_model, 0) or one.shaped_by(of_model, 1)
                     plays[l] = s[BACKLASH + l] > 0.0 or s[_SIDE + BACKLASH + l] > 0.0
                     shaped = heated = scrubbed = pulled = faded = filtered = slipping = iterated = flexible = False
@@ -381,7 +382,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                         shaped |= shapes[i]
                         formed |= curved[i]
                         heated |= s[HEAT + i] != 0.0 or s[_SIDE + HEAT + i] != 0.0
-                        scrubbed |= s[SCRUB + i] != 0.0 or curved[i]
+                        scrubbed |= s[SCRUB + i] != 0.0 or scrubs[i]
                         pulled |= s[PULL + i] != 0.0 and axis == 0
                         faded |= s[STRIBECK + i] != 0.0 or s[_SIDE + STRIBECK + i] != 0.0
                         filtered |= s[SPEED_TAU + i] > 0.0 or s[_SIDE + SPEED_TAU + i] > 0.0
@@ -467,7 +468,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                         s[o + INERTIA] = s[o + GRIP] = s[o + THETA] = s[o + PER_SHEAR] = 1.0
                         s[o + RES] = s[o + IND] = s[o + STRIBECK_W] = 1.0
                     shapes[l] = False
-                    curved[l] = reads[l] = recalls[l] = False
+                    curved[l] = reads[l] = recalls[l] = scrubs[l] = False
                     plays[l] = False
                     continue
                 changed = False
@@ -596,7 +597,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                 s[GX + l] -= s[PULL + l] * along
                 s[GZ + l] += ground.slope_torque(s[PULL + l], s[COM_X + l], s[COM_Y + l], along, across)
         if formed:
-            _formed(s, ends, job, curved, which, sides, coms, curves, shaped, about, acts, past)
+            _formed(s, ends, job, curved, by_current, which, sides, coms, curves, shaped, about, acts, past)
         if faded:
             for o in range(0, ends, _SIDE):
                 for l in range(lanes):
