@@ -37,6 +37,14 @@ def behind(speed, reported, tau, delay):
 
 
 @law
+def within_step(began, ended, left):
+    """What a sensor says within a step, at whose ends it says `began` and `ended`: it changes evenly, as `low_pass`
+    takes what it filters, too. left : share of the step that is still to come.
+    """
+    return ended + (began - ended) * left
+
+
+@law
 def initial_current(current, reported, noise, gain, bias):
     """A current at a start, A, of what its sensor reported: what gain and bias make that, none where that is noise.
 

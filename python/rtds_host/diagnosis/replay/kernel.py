@@ -240,6 +240,9 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
     ka = 0  # next delayed sample, the state at t[ka] - dm
     kw = np.zeros(2, np.int64)  # next sample of a speed that is later than that by its own delay, where it is
     lagging = side[0, W_DELAY] > 0.0 or side[1, W_DELAY] > 0.0
+    told = np.zeros(2)  # what such a sensor said as the last step ended
+    for k in range(2):
+        told[k] = (wf[k] if side[k, W_TAU] > 0.0 else seen[k]) * side[k, W_GAIN]
     kp = 0  # next pose sample, at t[kp] - dp
     if axis > 0:
         # It has no pose.
@@ -303,10 +306,10 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
         if mode == 2 and servo_next <= now + 1e-9:
             changed = True
             for k in range(sides):
-                told = seen[k] * side[k, W_GAIN]
+                turns = seen[k] * side[k, W_GAIN]
                 if curves is not None:
-                    told += forms.reads(curves[k], SPEED, OVER_W + 1, told)
-                va[k], integ[k] = served(side, k, com, wanted[k], integ[k], told)
+                    turns += forms.reads(curves[k], SPEED, OVER_W + 1, turns)
+                va[k], integ[k] = served(side, k, com, wanted[k], integ[k], turns)
             while servo_next <= now + 1e-9:
                 servo_next += com[SERVO_T]
         if changed:
@@ -318,10 +321,6 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
 
         # ---- next event
         ahead = min(t[kp] - dp if kp < n else end + 1.0, t[ka] - dm if ka < n else end + 1.0)
-        if lagging:
-            for k in range(2):
-                if side[k, W_DELAY] > 0.0 and kw[k] < n:
-                    ahead = min(ahead, t[kw[k]] - dm - side[k, W_DELAY])
         if kc < m:
             ahead = min(ahead, t_cmd[kc] + dc)
         if mode == 2:
@@ -644,6 +643,15 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                 tau = side[k, W_TAU]
                 if tau > 0.0:
                     wf[k] = sensors.low_pass(wf[k], seen[k], seen_n[k], h, tau, math.exp(-h / tau))
+                if side[k, W_DELAY] > 0.0:
+                    began, ended_s, later = told[k], now + done, dm + side[k, W_DELAY]
+                    told[k] = (wf[k] if tau > 0.0 else seen[k]) * side[k, W_GAIN]
+                    while kw[k] < n and t[kw[k]] - later <= ended_s:
+                        speed = sensors.within_step(began, told[k], (ended_s - (t[kw[k]] - later)) / h)
+                        if curves is not None:
+                            speed += forms.reads(curves[k], SPEED, OVER_W + 1, speed)
+                        out[kw[k], 3 + k] = speed
+                        kw[k] += 1
             if axis == 0:
                 v_mid = 0.5 * (v + v_new)
                 rate_mid = 0.5 * (rate + rate_new)

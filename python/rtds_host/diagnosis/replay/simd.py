@@ -304,8 +304,10 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
     command, last_command, to_out = np.zeros_like(sample), np.zeros_like(sample), np.zeros_like(sample)
     # When these are due, s.
     next_sample, next_pose, next_command = np.zeros(SIMD_WIDTH), np.zeros(SIMD_WIDTH), np.zeros(SIMD_WIDTH)
-    # The next sample of a speed that comes later than that by its own delay, s, and where its run begins.
+    # The next sample of a speed that comes later than that by its own delay, s, where its run begins, and what the
+    # sensor said as the last step ended.
     held_s, lagging, begin = np.zeros((2, SIMD_WIDTH)), np.zeros((2, SIMD_WIDTH), np.int64), np.zeros_like(sample)
+    told = np.zeros((2, SIMD_WIDTH))
     lags = np.zeros(SIMD_WIDTH, np.bool_)
     # Of servos: reference, rad/s, integral, V, and when they sample next, s.
     wanted, integral, next_servo = np.zeros((2, SIMD_WIDTH)), np.zeros((2, SIMD_WIDTH)), np.full(SIMD_WIDTH, NEVER)
@@ -358,6 +360,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                     last[l] = t_first[r + 1]
                     held_s[0, l], held_s[1, l] = of_model[0, one.W_DELAY], of_model[1, one.W_DELAY]
                     lags[l] = held_s[0, l] > 0.0 or held_s[1, l] > 0.0
+                    told[0, l], told[1, l] = _speed_read(s, l, l), _speed_read(s, _SIDE + l, l)
                     command[l], last_command[l], now = first, cmd_first[r + 1], ts[t_first[r]]
                     next_sample[l], next_pose[l] = now - s[DELAY + l], now - s[POSE_DELAY + l]
                     if axis > 0:
@@ -468,7 +471,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                         s[o + INERTIA] = s[o + GRIP] = s[o + THETA] = s[o + PER_SHEAR] = 1.0
                         s[o + RES] = s[o + IND] = s[o + STRIBECK_W] = 1.0
                     shapes[l] = False
-                    curved[l] = reads[l] = recalls[l] = scrubs[l] = False
+                    curved[l] = reads[l] = recalls[l] = scrubs[l] = lags[l] = False
                     plays[l] = False
                     continue
                 changed = False
@@ -503,10 +506,10 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                     of_model, com = sides[which[job[l], 0]], coms[which[job[l], 0]]
                     for i in range(ends // _SIDE):
                         o = i * _SIDE + l
-                        told = (s[o + W] if s[AT_WHEEL + l] > 0.0 else s[o + WM]) * s[o + W_GAIN]
+                        turns = (s[o + W] if s[AT_WHEEL + l] > 0.0 else s[o + WM]) * s[o + W_GAIN]
                         if reads[l]:
-                            told += _told(curves, which[job[l], 0], i, told)
-                        s[o + VA], integral[i, l] = one.served(of_model, i, com, wanted[i, l], integral[i, l], told)
+                            turns += _told(curves, which[job[l], 0], i, turns)
+                        s[o + VA], integral[i, l] = one.served(of_model, i, com, wanted[i, l], integral[i, l], turns)
                     while next_servo[l] <= due:
                         next_servo[l] += com[one.SERVO_T]
                     changed = True
@@ -518,10 +521,6 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                         if curved[l]:
                             forms.follow(curves[which[job[l], 0], i], s[o + VA], past[l, i])
                 ahead = min(min(next_pose[l], next_sample[l]), min(next_command[l], next_servo[l]))
-                if lags[l]:
-                    for i in range(2):
-                        if held_s[i, l] > 0.0 and lagging[i, l] < end:
-                            ahead = min(ahead, ts[lagging[i, l]] - s[DELAY + l] - held_s[i, l])
                 span = ahead - now
                 if span <= 1e-9:
                     now = ahead
@@ -940,6 +939,22 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                     s[o + WHOLE + l] = whole
                     tyre, slip, factor = s[o + TYRE + l], s[o + SLIP + l], s[o + PER_SHEAR + l]
                     s[o + TYRE + l] = ground.relaxed(s[H + l], tyre, slip, whole, factor)
+        for l in range(lanes):
+            if not lags[l] or redone[l]:
+                continue
+            for i in range(2):
+                if held_s[i, l] > 0.0:
+                    # A speed that is reported later. A step that ended at each of its samples would double the steps.
+                    o, began, h = i * _SIDE + l, told[i, l], s[H + l]
+                    told[i, l], ended_s = _speed_read(s, o, l), s[NOW + l] + s[DONE + l]
+                    later, k = s[DELAY + l] + held_s[i, l], lagging[i, l]
+                    while k < last[l] and ts[k] - later <= ended_s:
+                        speed = sensors.within_step(began, told[i, l], (ended_s - (ts[k] - later)) / h)
+                        if reads[l]:
+                            speed += _told(curves, which[job[l], 0], i, speed)
+                        out[to_out[l] + k, 3 + i] = speed
+                        k += 1
+                    lagging[i, l] = k
         if formed:
             _carried(s, ends, job, recalls, which, curves, redone, past)
         if again > 0:
