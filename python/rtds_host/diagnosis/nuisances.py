@@ -66,12 +66,9 @@ class Nuisance:
     def apply(self, model: Model, z: float) -> None:
         """Put it into a model at z sigmas."""
         sides = (0, 1) if self.side is None else (self.side,)
-        values = self.values(z)
-        for key, quantity in self.keys.items():
-            if self.nominal:
-                model.scale(quantity, math.exp(self.sigma * z), sides)
-            else:
-                model.put(quantity, values[key], sides)
+        change, value = (model.scale, math.exp(self.sigma * z)) if self.nominal else (model.put, self.sigma * z)
+        for quantity in self.keys.values():
+            change(quantity, value, sides)
 
 
 # Names in [motor] and [servo] -> entries of the model; those of a nuisance vary together.

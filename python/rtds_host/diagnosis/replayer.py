@@ -53,7 +53,7 @@ class Replayer:
         """
         size = rows[-1].stop
         found = [np.empty(size) for _ in models]
-        taken = sum(_taken(model, step_s, runs) + WHITENED * size for model, step_s in zip(models, steps))
+        taken = _taken(models, steps, runs) + len(models) * WHITENED * size
         self.work += taken
         spend(taken)
         threads = self.threads if taken > SHORT else 1
@@ -162,13 +162,21 @@ class Replayer:
         return shown, declared
 
 
-def _taken(model: Model, step_s: float, runs: Sequence[RunData]) -> float:
-    """Work that replays of all runs are: a step from row to row at the least. It depends on the model, not on how
+def _taken(models: Sequence[Model], steps: Sequence[float], runs: Sequence[RunData]) -> float:
+    """Work that replays of all runs are: a step from row to row at the least. It depends on the models, not on how
     many cores there are.
+
+    steps : longest step of each model, s.
     """
-    each = (WAITING if model.waits else 1.0) * (ITERATED if model.iterated else 1.0)
-    step_s = min(step_s, model.get("servo_period")) if model.has_servo else step_s
-    return each * sum(max(float(data.inputs[0][-1] - data.inputs[0][0]) / step_s, len(data.inputs[0])) for data in runs)
+    spans = [(float(data.inputs[0][-1] - data.inputs[0][0]), len(data.inputs[0])) for data in runs]
+    known: dict[float, float] = {}
+    total = 0.0
+    for model, longest in zip(models, steps, strict=True):
+        step_s = min(longest, model.get("servo_period")) if model.has_servo else longest
+        if step_s not in known:
+            known[step_s] = sum(max(span / step_s, rows) for span, rows in spans)
+        total += (WAITING if model.waits else 1.0) * (ITERATED if model.iterated else 1.0) * known[step_s]
+    return total
 
 
 def _alone(

@@ -98,7 +98,9 @@ class Model:
 
     def get(self, name: str, side: int = 0) -> float:
         """One entry."""
-        return float(self.side[side, SIDE_INDEX[name]] if name in SIDE_INDEX else self.common[COMMON_INDEX[name]])
+        if name in SIDE_INDEX:
+            return self.side.item(side, SIDE_INDEX[name])
+        return self.common.item(COMMON_INDEX[name])
 
     @property
     def step_s(self) -> float:
@@ -164,7 +166,13 @@ class Model:
         return self.get("mode") == MODES.index("speed")
 
     def _has(self, *names: str) -> bool:
-        return any(self.side[0, k] != 0 or self.side[1, k] != 0 for k in map(SIDE_INDEX.__getitem__, names))
+        # A search asks this of each of its models, several times.
+        at, width = self.side.item, self.side.shape[1]
+        for name in names:
+            k = SIDE_INDEX[name]
+            if at(k) != 0.0 or at(width + k) != 0.0:
+                return True
+        return False
 
 
 def nominal_model(robot: Robot) -> Model:
