@@ -47,7 +47,10 @@ def loop(function: Callable) -> Any:
 
 def allocation_free(function: Callable) -> Any:
     """The same of a loop that allocates no array. Nothing in it is counted by reference: at each step of a replay,
-    counting the rows that a form is read from costs as much as the rest of the step."""
+    counting the rows that a form is read from costs as much as the rest of the step.
+
+    `_nrt` is an option that Numba's manual leaves out; where a loop does allocate, it refuses to compile.
+    """
     return _cached(function, _nrt=False)
 
 
