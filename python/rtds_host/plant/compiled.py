@@ -57,5 +57,5 @@ def allocation_free(function: Callable) -> Any:
 def _cached(function: Callable, **options: Any) -> Any:
     dispatcher = numba.njit(nogil=True, error_model="numpy", **options)(function)
     # Numba has no public way to give a function another cache.
-    dispatcher._cache = KeyedCache(dispatcher.py_func)  # type: ignore[attr-defined]
+    dispatcher._cache = KeyedCache(dispatcher.py_func)
     return dispatcher
