@@ -116,7 +116,9 @@ def with_one_more(search: Search, before: Attribution, names: set[str], curves: 
     left, most = (one.residual_power for one in (best, now))
     if residual_ratio(best, now) > MAX_RESIDUAL_RATIO or most - left < MAJORITY * (most - curves):
         return before
-    return _eliminated(search, best.fit, dict(before.rejected))
+    found = _eliminated(search, best.fit, dict(before.rejected))
+    # It may not stand next to what is left of the others.
+    return found if set(found.fit.hypothesis) - set(before.fit.hypothesis) else before
 
 
 def _predicting_best(store: Store, fit: Fit) -> Fit:

@@ -37,6 +37,12 @@ def behind(speed, reported, tau, delay):
 
 
 @law
+def speed_read(filtered, direct, tau, gain):
+    """What a speed sensor reads, rad/s: what its filter gives where it has one (tau > 0 s), else the speed itself."""
+    return (filtered if tau > 0.0 else direct) * gain
+
+
+@law
 def within_step(began, ended, left):
     """What a sensor says within a step, at whose ends it says `began` and `ended`: it changes evenly, as `low_pass`
     takes what it filters, too. left : share of the step that is still to come.

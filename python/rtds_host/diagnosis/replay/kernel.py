@@ -240,9 +240,9 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
     ka = 0  # next delayed sample, the state at t[ka] - dm
     kw = np.zeros(2, np.int64)  # next sample of a speed that is later than that by its own delay, where it is
     lagging = side[0, W_DELAY] > 0.0 or side[1, W_DELAY] > 0.0
-    told = np.zeros(2)  # what such a sensor said as the last step ended
+    reading = np.zeros(2)  # of such a sensor as the last step ended
     for k in range(2):
-        told[k] = (wf[k] if side[k, W_TAU] > 0.0 else seen[k]) * side[k, W_GAIN]
+        reading[k] = sensors.speed_read(wf[k], seen[k], side[k, W_TAU], side[k, W_GAIN])
     kp = 0  # next pose sample, at t[kp] - dp
     if axis > 0:
         # It has no pose.
@@ -268,7 +268,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
             out[ka, 0] = row_bus if com[BUS_MEAS] > 0.0 else bus
             for k in range(2):
                 amperes = sensors.scaled(cur[k], side[k, I_GAIN], side[k, I_BIAS])
-                speed = (wf[k] if side[k, W_TAU] > 0.0 else seen[k]) * side[k, W_GAIN]
+                speed = sensors.speed_read(wf[k], seen[k], side[k, W_TAU], side[k, W_GAIN])
                 if curves is not None:
                     amperes += forms.reads(curves[k], CURRENT, OVER_I + 1, amperes)
                     speed += forms.reads(curves[k], SPEED, OVER_W + 1, speed)
@@ -284,7 +284,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
             for k in range(2):
                 later = dm + side[k, W_DELAY]
                 while side[k, W_DELAY] > 0.0 and kw[k] < n and t[kw[k]] - later <= now + 1e-9:
-                    speed = (wf[k] if side[k, W_TAU] > 0.0 else seen[k]) * side[k, W_GAIN]
+                    speed = sensors.speed_read(wf[k], seen[k], side[k, W_TAU], side[k, W_GAIN])
                     if curves is not None:
                         speed += forms.reads(curves[k], SPEED, OVER_W + 1, speed)
                     if t[kw[k]] - later < t[0]:
@@ -306,10 +306,10 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
         if mode == 2 and servo_next <= now + 1e-9:
             changed = True
             for k in range(sides):
-                turns = seen[k] * side[k, W_GAIN]
+                told = seen[k] * side[k, W_GAIN]
                 if curves is not None:
-                    turns += forms.reads(curves[k], SPEED, OVER_W + 1, turns)
-                va[k], integ[k] = served(side, k, com, wanted[k], integ[k], turns)
+                    told += forms.reads(curves[k], SPEED, OVER_W + 1, told)
+                va[k], integ[k] = served(side, k, com, wanted[k], integ[k], told)
             while servo_next <= now + 1e-9:
                 servo_next += com[SERVO_T]
         if changed:
@@ -644,10 +644,10 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                 if tau > 0.0:
                     wf[k] = sensors.low_pass(wf[k], seen[k], seen_n[k], h, tau, math.exp(-h / tau))
                 if side[k, W_DELAY] > 0.0:
-                    began, ended_s, later = told[k], now + done, dm + side[k, W_DELAY]
-                    told[k] = (wf[k] if tau > 0.0 else seen[k]) * side[k, W_GAIN]
+                    began, ended_s, later = reading[k], now + done, dm + side[k, W_DELAY]
+                    reading[k] = sensors.speed_read(wf[k], seen[k], tau, side[k, W_GAIN])
                     while kw[k] < n and t[kw[k]] - later <= ended_s:
-                        speed = sensors.within_step(began, told[k], (ended_s - (t[kw[k]] - later)) / h)
+                        speed = sensors.within_step(began, reading[k], (ended_s - (t[kw[k]] - later)) / h)
                         if curves is not None:
                             speed += forms.reads(curves[k], SPEED, OVER_W + 1, speed)
                         out[kw[k], 3 + k] = speed

@@ -224,7 +224,7 @@ def _formed(s, ends, job, curved, by_current, which, sides, coms, curves, shaped
 def _speed_read(s, o, l):
     """What a side's speed sensor has behind its filter (o: that side's offset), rad/s (contract, section 2)."""
     at_encoder = s[o + W] if s[AT_WHEEL + l] > 0.0 else s[o + WM]
-    return (s[o + WF] if s[o + SPEED_TAU] > 0.0 else at_encoder) * s[o + W_GAIN]
+    return sensors.speed_read(s[o + WF], at_encoder, s[o + SPEED_TAU], s[o + W_GAIN])
 
 
 @law
@@ -304,10 +304,10 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
     command, last_command, to_out = np.zeros_like(sample), np.zeros_like(sample), np.zeros_like(sample)
     # When these are due, s.
     next_sample, next_pose, next_command = np.zeros(SIMD_WIDTH), np.zeros(SIMD_WIDTH), np.zeros(SIMD_WIDTH)
-    # The next sample of a speed that comes later than that by its own delay, s, where its run begins, and what the
-    # sensor said as the last step ended.
+    # The next sample of a speed that comes later than that by its own delay, s, where its run begins, and what its
+    # sensor read as the last step ended.
     held_s, lagging, begin = np.zeros((2, SIMD_WIDTH)), np.zeros((2, SIMD_WIDTH), np.int64), np.zeros_like(sample)
-    told = np.zeros((2, SIMD_WIDTH))
+    reading = np.zeros((2, SIMD_WIDTH))
     lags = np.zeros(SIMD_WIDTH, np.bool_)
     # Of servos: reference, rad/s, integral, V, and when they sample next, s.
     wanted, integral, next_servo = np.zeros((2, SIMD_WIDTH)), np.zeros((2, SIMD_WIDTH)), np.full(SIMD_WIDTH, NEVER)
@@ -360,7 +360,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                     last[l] = t_first[r + 1]
                     held_s[0, l], held_s[1, l] = of_model[0, one.W_DELAY], of_model[1, one.W_DELAY]
                     lags[l] = held_s[0, l] > 0.0 or held_s[1, l] > 0.0
-                    told[0, l], told[1, l] = _speed_read(s, l, l), _speed_read(s, _SIDE + l, l)
+                    reading[0, l], reading[1, l] = _speed_read(s, l, l), _speed_read(s, _SIDE + l, l)
                     command[l], last_command[l], now = first, cmd_first[r + 1], ts[t_first[r]]
                     next_sample[l], next_pose[l] = now - s[DELAY + l], now - s[POSE_DELAY + l]
                     if axis > 0:
@@ -506,10 +506,10 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                     of_model, com = sides[which[job[l], 0]], coms[which[job[l], 0]]
                     for i in range(ends // _SIDE):
                         o = i * _SIDE + l
-                        turns = (s[o + W] if s[AT_WHEEL + l] > 0.0 else s[o + WM]) * s[o + W_GAIN]
+                        told = (s[o + W] if s[AT_WHEEL + l] > 0.0 else s[o + WM]) * s[o + W_GAIN]
                         if reads[l]:
-                            turns += _told(curves, which[job[l], 0], i, turns)
-                        s[o + VA], integral[i, l] = one.served(of_model, i, com, wanted[i, l], integral[i, l], turns)
+                            told += _told(curves, which[job[l], 0], i, told)
+                        s[o + VA], integral[i, l] = one.served(of_model, i, com, wanted[i, l], integral[i, l], told)
                     while next_servo[l] <= due:
                         next_servo[l] += com[one.SERVO_T]
                     changed = True
@@ -945,11 +945,11 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
             for i in range(2):
                 if held_s[i, l] > 0.0:
                     # A speed that is reported later. A step that ended at each of its samples would double the steps.
-                    o, began, h = i * _SIDE + l, told[i, l], s[H + l]
-                    told[i, l], ended_s = _speed_read(s, o, l), s[NOW + l] + s[DONE + l]
+                    o, began, h = i * _SIDE + l, reading[i, l], s[H + l]
+                    reading[i, l], ended_s = _speed_read(s, o, l), s[NOW + l] + s[DONE + l]
                     later, k = s[DELAY + l] + held_s[i, l], lagging[i, l]
                     while k < last[l] and ts[k] - later <= ended_s:
-                        speed = sensors.within_step(began, told[i, l], (ended_s - (ts[k] - later)) / h)
+                        speed = sensors.within_step(began, reading[i, l], (ended_s - (ts[k] - later)) / h)
                         if reads[l]:
                             speed += _told(curves, which[job[l], 0], i, speed)
                         out[to_out[l] + k, 3 + i] = speed
