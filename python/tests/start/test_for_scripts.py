@@ -1,6 +1,8 @@
 """What scripts and notebooks need: answers as JSON, and the commands as functions of the package."""
 
 import json
+import os
+import subprocess
 import sys
 from pathlib import Path
 
@@ -113,3 +115,16 @@ def test_without_the_extra_a_cluster_is_refused_with_what_to_install(monkeypatch
         workers.client_of("tcp://here:1"),
     ):
         pass
+
+
+@pytest.mark.parametrize("asked", [None, "Zen"])
+def test_linear_algebra_sums_alike_on_all_processors_with_avx2(asked):
+    """Each kernel of OpenBLAS has other last digits, by which one explanation is chosen before another that is as good.
+    Who asks for a kernel gets it."""
+    processor = Path("/proc/cpuinfo").read_text().split()
+    kernel = asked or ("Haswell" if {"avx2", "fma"} <= set(processor) else "None")
+    environment = {name: value for name, value in os.environ.items() if name != "OPENBLAS_CORETYPE"}
+    environment |= {"OPENBLAS_CORETYPE": asked} if asked else {}
+    script = "import os, rtds_host\nprint(os.environ.get('OPENBLAS_CORETYPE'))"
+    told = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=True)
+    assert told.stdout.strip() == kernel
