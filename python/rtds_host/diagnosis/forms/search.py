@@ -8,6 +8,7 @@ residual. A form that a later one makes needless is dropped (`backward`).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -62,13 +63,15 @@ MOST_WORK = {True: 1.7e9, False: 1e10}
 class Found:
     """Forms of a case, in the order in which they were found: `judged` holds the explanation without any and with one
     after the other. `notes`: what else is to be said; `rivals`: what is said of a form, by its id, as long as it is
-    one; `superseded`: named effects that curves supersede."""
+    one; `superseded`: named effects that curves supersede; `made`: those that keep their names though the curves make
+    what they do."""
 
     judged: list[HeldOutScore]
     forms: list[tuple[Form, str]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     rivals: dict[str, list[str]] = field(default_factory=dict)
     superseded: list[Cause] = field(default_factory=list)
+    made: set[Cause] = field(default_factory=set)
 
     @property
     def fit(self) -> Fit:
@@ -150,7 +153,7 @@ def keep_sizes(problem: Problem, found: Found) -> None:
     held = [
         cause
         for cause in before.hypothesis
-        if cause in now.parts and _made_by_curves(found, cause, 1.0 - MAJORITY) is not None
+        if cause in now.parts and (cause in found.made or _made_by_curves(found, cause, 1.0 - MAJORITY) is not None)
     ]
     if not held:
         return
@@ -161,7 +164,7 @@ def keep_sizes(problem: Problem, found: Found) -> None:
         kept = min(ways, key=lambda one: one.gap)
         if len(ways) > 1 and pooled(kept, found.judged[0]) <= MAX_RESIDUAL_RATIO:
             break
-    shapes_of_curves = [cause for cause in held if _made_by_curves(found, cause, MINOR_SHARE) is not None]
+    shapes_of_curves = found.made or any(_made_by_curves(found, cause, MINOR_SHARE) is not None for cause in held)
     if not shapes_of_curves and pooled(found.judged[-1], kept) <= MAX_RESIDUAL_RATIO:
         return  # the runs do say how much of the sum is the effect's
     if pooled(kept, found.judged[0]) <= MAX_RESIDUAL_RATIO:
@@ -357,9 +360,8 @@ def drop_superseded(problem: Problem, found: Found, lacking: Mapping[Cause, Fit]
             # Fitted, it may take what the curves had made better: then they keep it.
             fits = (_again(problem, found, cause, held) for held in ((), (cause,)))
             again = min((HeldOutScore.of(problem, one) for one in fits), key=lambda one: one.gap)
-            if residual_ratio(again, now) <= MAX_RESIDUAL_RATIO or _approximates(
-                problem, found, cause, now, lacking[cause]
-            ):
+            helps = residual_ratio(again, now) <= MAX_RESIDUAL_RATIO
+            if helps or _keeps_name(problem, found, cause, now, lacking[cause]):
                 found.judged[-1] = again
     while True:
         now = found.judged[-1]
@@ -368,9 +370,8 @@ def drop_superseded(problem: Problem, found: Found, lacking: Mapping[Cause, Fit]
             if cause not in now.fit.hypothesis:
                 continue
             less = HeldOutScore.of(problem, _lacking(problem, found, cause))
-            if residual_ratio(now, less) > MAX_RESIDUAL_RATIO and not _approximates(
-                problem, found, cause, less, lacking[cause]
-            ):
+            helps = residual_ratio(now, less) <= MAX_RESIDUAL_RATIO
+            if not (helps or _keeps_name(problem, found, cause, less, lacking[cause])):
                 needless.append((less.gap, cause, less))
         if not needless:
             break
@@ -403,15 +404,28 @@ def _again(problem: Problem, found: Found, cause: Cause, held: Sequence[Cause]) 
     )
 
 
-def _approximates(problem: Problem, found: Found, cause: Cause, less: HeldOutScore, lacking: Fit) -> bool:
-    """Whether an effect is a shape of a curve that was found, and makes nearly all of what the curve makes.
+def makes_larger_part(named: float, curves: float, neither: float) -> bool:
+    """Whether a name alone makes the larger part of what curves make in its place, in the logarithm of the residual, as
+    in the likelihood of a size that is not known. So curves that leave only noise supersede a name more easily than
+    curves that are closer but not right, either.
+
+    named, curves, neither : residual power (`HeldOutScore.residual_power`) with the one, the others and neither.
+    """
+    return math.log(neither / named) >= MAJORITY * math.log(neither / curves)
+
+
+def _keeps_name(problem: Problem, found: Found, cause: Cause, less: HeldOutScore, lacking: Fit) -> bool:
+    """Whether an effect keeps its name next to curves that make what it does: alone it makes the larger part of what
+    they make, or it is a shape of theirs and makes nearly all of that.
 
     less : with the curves and without the effect; lacking : with neither.
     """
-    if _made_by_curves(found, cause, MINOR_SHARE) is None:
-        return False
     neither = HeldOutScore.of(problem, lacking).residual_power
-    return neither - found.judged[0].residual_power >= ENOUGH * (neither - less.residual_power)
+    named, curves = found.judged[0].residual_power, less.residual_power
+    if makes_larger_part(named, curves, neither):
+        found.made.add(cause)
+        return True
+    return _made_by_curves(found, cause, MINOR_SHARE) is not None and neither - named >= ENOUGH * (neither - curves)
 
 
 def _made_by_curves(found: Found, cause: Cause, most: float) -> np.ndarray | None:
