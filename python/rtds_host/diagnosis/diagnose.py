@@ -21,11 +21,11 @@ from rtds_host.diagnosis.attribution import (
     with_one_more,
     without_effects,
 )
-from rtds_host.diagnosis.choice import MAX_RESIDUAL_RATIO
+from rtds_host.diagnosis.choice import MAX_RESIDUAL_RATIO, HeldOutScore, residual_ratio
 from rtds_host.diagnosis.effects import RESEMBLES
 from rtds_host.diagnosis.effort import Effort
 from rtds_host.diagnosis.experiment import next_experiment
-from rtds_host.diagnosis.fit import Fit
+from rtds_host.diagnosis.fit import Fit, Hypothesis
 from rtds_host.diagnosis.forms import Forms, forms_of
 from rtds_host.diagnosis.gate import Gate, examine
 from rtds_host.diagnosis.heldout import HeldOut, held_out
@@ -42,7 +42,7 @@ from rtds_host.diagnosis.scatter import over_runs, scattered
 from rtds_host.diagnosis.screen import changes_by_missing, sensitivities_of
 from rtds_host.diagnosis.search.driver import MOST_WORK, QUICK_WORK, Limits, Search
 from rtds_host.diagnosis.search.moves.adding import with_one_of
-from rtds_host.diagnosis.search.stepwise import Selection
+from rtds_host.diagnosis.search.stepwise import Selection, by_likelihood
 from rtds_host.diagnosis.search.store import Store
 from rtds_host.diagnosis.thresholds import MINOR_SHARE, SIGNIFICANT
 from rtds_host.vectors import given
@@ -52,6 +52,8 @@ SCHEMA = "rtds-diagnosis/3"
 RESIDUAL_OF_KNOWN = 0.3
 # Why an effect is not included in whose place a form leaves clearly less.
 SUPERSEDED = "is superseded by a free curve, which leaves clearly less of runs that it was not fitted to"
+# Numerical: how many explanations are tested effect by effect, where some of their effects are not supported.
+ATTEMPTS = 3
 # Numerical: a nuisance that moved by less than so many of its sigmas did not move.
 MOVED = 0.01
 
@@ -137,10 +139,14 @@ def investigate(
     best = search.run()
     if case.robot.encoder is None:
         search, best = _encoder_placed(case, search, best, threads, without)
-    if not search.store.within_noise(best):
-        search, best = chosen_search(search.problem.case, search, best, threads, without)
+    if search.store.within_noise(best):
+        say("attribution", 0.7)
+        return Investigation(search.problem, search, attribute(search, best))
+    selection = explanations(search.problem.case, search, best, threads, without)
+    search, best = selection.stepwise()
     say("attribution", 0.7)
-    return Investigation(search.problem, search, attribute(search, best))
+    search, attribution = supported_choice(selection, search, best)
+    return Investigation(search.problem, search, attribution)
 
 
 def _encoder_placed(case: Case, search: Search, best: Fit, threads: int, without: frozenset[str]) -> tuple[Search, Fit]:
@@ -166,9 +172,8 @@ def _encoder_placed(case: Case, search: Search, best: Fit, threads: int, without
     return (other, found) if store.score(found) < search.store.score(best) else (search, best)
 
 
-def chosen_search(case: Case, search: Search, best: Fit, threads: int, without: frozenset[str]) -> tuple[Search, Fit]:
-    """Of all explanations that were found of whole runs and, of an axis, of pieces, the one that runs left out choose,
-    and the search that it is of.
+def explanations(case: Case, search: Search, best: Fit, threads: int, without: frozenset[str]) -> Selection:
+    """The explanations that beams find of whole runs and, of an axis, of pieces, from which runs left out choose.
 
     An axis integrates and sticks: over whole runs of a real one the misfit has many local minima, over pieces few. But
     a piece hardly shows what is slow, and starts from what a biased sensor says. By one size a run the likelihood sees
@@ -197,7 +202,36 @@ def chosen_search(case: Case, search: Search, best: Fit, threads: int, without: 
         else:
             for one, (fits, began) in zip(searches, kept, strict=True):
                 one.store.fits, one.store.fitter.start = fits, began
-    return selection.stepwise()
+    return selection
+
+
+def supported_choice(selection: Selection, search: Search, best: Fit) -> tuple[Search, Attribution]:
+    """The attribution of the explanation that held-out runs choose, of those whose effects are each supported.
+
+    Effects may be chosen that help only together. Elimination then removes one after the other, and more is lost than
+    the criterion allows. What is left is one more explanation, and held-out runs choose again, of all but those that
+    did not stand.
+
+    Parameters
+    ----------
+    search : that found `best`, the first choice.
+    """
+    stood: list[tuple[HeldOutScore, Search, Attribution]] = []
+    failed: set[Hypothesis] = set()
+    while len(stood) < ATTEMPTS:
+        found = attribute(search, best)
+        stood.append((HeldOutScore.of(search.problem, found.fit), search, found))
+        together = residual_ratio(HeldOutScore.of(search.problem, best), stood[-1][0])
+        # A single effect that was removed did not meet the criterion.
+        if len(best.hypothesis) - len(found.included) < 2 or together > MAX_RESIDUAL_RATIO:
+            break
+        failed.add(best.hypothesis)
+        search, score = selection.choice(failed, [(one, by) for one, by, _ in stood])
+        if any(score is one for one, *_ in stood):
+            break
+        best = by_likelihood(search, score.fit)
+    _, score = Selection(selection.searches).choice(others=[(one, by) for one, by, _ in stood])
+    return next((by, found) for one, by, found in stood if one is score)
 
 
 def _supported(found: Investigation, say: Callable[[str, float], None]) -> tuple[Attribution, HeldOut, Forms]:

@@ -225,7 +225,7 @@ def test_a_measured_bus_is_the_drives_supply(tmp_path):
 def test_an_axis_is_searched_in_pieces_only_where_a_gap_remains(tmp_path, monkeypatch, wrong, pieces):
     """Where an explanation of whole runs leaves nothing but noise, no other search is worth its time."""
     asked = []
-    monkeypatch.setattr(diagnose_module, "chosen_search", lambda *_: asked.append("pieces"))
+    monkeypatch.setattr(diagnose_module, "explanations", lambda *_: asked.append("pieces"))
     case = read_case(write_axis_case(tmp_path / "case", "pendulum", "voltage", **wrong))
     found = investigate(case, quick=True)
     assert bool(asked) is pieces and found.gap < 1.1

@@ -11,7 +11,7 @@ from diagnosis_cases import changed, make_case, make_run, without
 from rtds_host.contract import Case, builtin_robot, read_case
 from rtds_host.diagnosis import ripple
 from rtds_host.diagnosis.attribution import attribute
-from rtds_host.diagnosis.diagnose import chosen_search, diagnose, said_of_end
+from rtds_host.diagnosis.diagnose import diagnose, explanations, said_of_end
 from rtds_host.diagnosis.effects import catalogue
 from rtds_host.diagnosis.evidence import CONVINCING, distinguishable, excess
 from rtds_host.diagnosis.fit import (
@@ -719,7 +719,7 @@ def test_a_search_with_one_run_aligned_counts_only_if_it_leaves_less(monkeypatch
 
     monkeypatch.setattr("rtds_host.diagnosis.diagnose.Selection", Scripted)
     monkeypatch.setattr(Problem, "aligned_commands", aligned)
-    owner, taken = chosen_search(case, search, best, 1, frozenset())
+    owner, taken = explanations(case, search, best, 1, frozenset()).stepwise()
     assert [dict(start.command_delays) for start, _ in states[1]] == [{"r1": 0.1}] * 2
     assert taken is best and (owner.store.fitter.start, owner.store.fits) == states[0][0]
 

@@ -7,7 +7,9 @@ import pytest
 from axis_machine import write_axis_case
 
 from rtds_host.contract import read_case
-from rtds_host.diagnosis.attribution import attribute
+from rtds_host.diagnosis import diagnose
+from rtds_host.diagnosis.attribution import Attribution, attribute
+from rtds_host.diagnosis.diagnose import supported_choice
 from rtds_host.diagnosis.fit import scaled
 from rtds_host.diagnosis.gap import LEAST
 from rtds_host.diagnosis.problem import Problem
@@ -104,6 +106,27 @@ def test_an_effect_that_settles_at_nothing_is_not_included(linear, monkeypatch):
     settling_without_the_gain(search.store, monkeypatch)
     found = attribute(search, fit)
     assert found.included == () and found.rejected == {GAIN: ABSENT}
+
+
+@pytest.mark.parametrize(("left", "taken"), [((), (GAIN,)), ((VISCOUS,), (VISCOUS,))])
+def test_held_out_runs_choose_again_where_effects_fall_that_help_together(linear, monkeypatch, left, taken):
+    """Of what they chose, elimination leaves nothing: the next best explanation is tested. Where one effect falls, it
+    did not meet the criterion, and the rest stands."""
+    found = selection(linear, {GAIN: {"ratio": 1.2}, VISCOUS: {"nm_s_per_rad": 0.01}}, {GAIN: {"ratio": 1.2}})
+    search, score = found.choice()
+    assert score.fit.hypothesis == (GAIN, VISCOUS)
+    base = search.store.fits[()]
+    (fallen,) = [base] if not left else search.store.try_fits([score.fit.proposal({}, without=(GAIN,))])
+    asked = []
+
+    def tested(_, fit):
+        asked.append(fit.hypothesis)
+        fit = fallen if fit.hypothesis == (GAIN, VISCOUS) else fit
+        return Attribution(fit, base, tuple(fit.hypothesis), {}, (), ())
+
+    monkeypatch.setattr(diagnose, "attribute", tested)
+    assert supported_choice(found, search, score.fit)[1].fit.hypothesis == taken
+    assert asked == [(GAIN, VISCOUS), (GAIN,)][: 2 - len(left)]
 
 
 def test_no_step_goes_beyond_the_budget(linear, monkeypatch):

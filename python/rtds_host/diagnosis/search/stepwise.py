@@ -10,7 +10,7 @@ ends when only noise is left, or after `STEPS` steps.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 from rtds_host.diagnosis.choice import MAX_RESIDUAL_RATIO, HeldOutScore, chosen, posterior, residual_ratio
@@ -76,13 +76,21 @@ class Selection:
         )
         return not rivals or posterior(one, prior) <= min(posterior(rival, prior) for rival in rivals)
 
-    def choice(self) -> tuple[Search, HeldOutScore]:
-        """The score of the explanation that held-out runs choose, and the search that found it."""
+    def choice(
+        self, without: Collection[Hypothesis] = (), others: Sequence[tuple[HeldOutScore, Search]] = ()
+    ) -> tuple[Search, HeldOutScore]:
+        """The score of the explanation that held-out runs choose, and the search that found it.
+
+        without : explanations that are not to be chosen; others : further ones, with the search that each is of.
+        """
+        judged = [pair for fit, pair in self._judged.items() if fit.hypothesis not in without]
         by_count: dict[int, list[HeldOutScore]] = {}
-        for fit, (score, _) in self._judged.items():
-            by_count.setdefault(len(fit.hypothesis), []).append(score)
+        found_by: dict[Fit, Search] = {}
+        for score, search in (*judged, *others):
+            by_count.setdefault(len(score.fit.hypothesis), []).append(score)
+            found_by[score.fit] = search
         selected = chosen(by_count, self.searches[0].store.prior)
-        return self._judged[selected.fit][1], selected
+        return found_by[selected.fit], selected
 
     def _most_promising(self, selected: HeldOutScore, tried: set[Hypothesis]) -> HeldOutScore | None:
         """The explanation to take the next steps from: the selected one, or else the one that comes closest to being
@@ -112,10 +120,15 @@ class Selection:
             for search in self.searches:
                 self.judge(search, neighbours(search, _of(search, base)))
             found_by, selected = self.choice()
-        # The fit may be one by ordinary least squares (`Store.local_optima`). Its likelihood is estimated from its
-        # residual, as that of any other fit. Where only noise is left, it is fitted again by maximum likelihood.
-        fit = replace(selected.fit, noise=found_by.problem.white().estimated(selected.fit.residual))
-        return found_by, found_by.store.converged([fit])[0] if found_by.store.within_noise(fit) else fit
+        return found_by, by_likelihood(found_by, selected.fit)
+
+
+def by_likelihood(search: Search, fit: Fit) -> Fit:
+    """A selected explanation, which may be fitted by ordinary least squares (`Store.local_optima`), with the likelihood
+    that its residual has, as any other fit. Where only noise is left, it is fitted again by maximum likelihood.
+    """
+    fit = replace(fit, noise=search.problem.white().estimated(fit.residual))
+    return search.store.converged([fit])[0] if search.store.within_noise(fit) else fit
 
 
 def _of(search: Search, selected: HeldOutScore) -> Fit:
