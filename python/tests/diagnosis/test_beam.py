@@ -11,7 +11,7 @@ from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.search.beam import additions, confused, screenings
 from rtds_host.diagnosis.search.driver import Search
-from rtds_host.diagnosis.search.screening import periodic_starts
+from rtds_host.diagnosis.search.screening import further_starts
 from rtds_host.plant.schema import OUTPUT_INDEX
 
 SPRING, DELAY, RIPPLE = ("gear_compliance", "left"), ("command_delay", "both"), ("torque_ripple", "left")
@@ -63,9 +63,24 @@ def test_a_ripple_of_which_runs_show_less_than_a_cycle_is_tried(tmp_path):
     assert 0.1 < np.ptp([log.columns["th_l"] for log in rippled.runs]) / (2.0 * np.pi) < 1.0 / 3.0
     search = Search(Problem(rippled, 1), quick=True)
     nothing = search.begin()
-    starts = periodic_starts(search.store, nothing)[RIPPLE]
+    starts = further_starts(search.store, nothing)[RIPPLE]
     assert {1.0, 2.0, 4.0} < {one["cycles_per_rev"] for one in starts}
     assert any(one.hypothesis == (RIPPLE,) for one in additions(search, nothing, screenings(search, nothing)(nothing)))
+
+
+@pytest.mark.parametrize(("mode", "tried"), [("speed", [{"ratio": 0.5}, {"ratio": 2.0}]), ("voltage", None)])
+def test_counts_of_another_factor_are_tried_where_a_servo_s_loop_bends_what_they_do(tmp_path, mode, tried):
+    """A servo turns the wheel twice as far for half the counts, until it saturates: no slope at one says so."""
+    case = read_case(write_axis_case(tmp_path / "case", "inertia", mode, seconds=1.0))
+    search = Search(Problem(case, 1), quick=True)
+    assert further_starts(search.store, search.begin()).get(("speed_gain", "left")) == tried
+
+
+def test_a_winding_is_never_hot_within_less_than_a_second(tmp_path):
+    """The smallest motors' windings take four; what is faster is another effect's."""
+    case = read_case(write_axis_case(tmp_path / "case", "inertia", "voltage", seconds=1.0))
+    _, slow = Problem(case, 1).effects["winding_heating"].parameters
+    assert slow.low == 1.0 and min(slow.starts) >= slow.low
 
 
 def test_explanations_that_differ_by_effects_confused_with_each_other_are_one_in_the_beam(search):

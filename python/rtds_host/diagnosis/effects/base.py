@@ -25,9 +25,10 @@ class Parameter:
 
     scale : what of a machine (an attribute of `Scales`) null, low, high, spread and starts are shares of; `on` makes
     them SI. least : the scale below whose negative it cannot fall; most : the one that it cannot exceed; reach : the
-    one that the upper bound is raised to, where that is larger. null : value
-    at which the effect is absent; low, high : bounds; spread : one sigma of what is met in practice, about `null` (sets
-    the price of a free parameter); starts : values to start a fit from; difference : step of a derivative, in spreads;
+    one that the upper bound is raised to, where that is larger; floor : what it cannot fall below on any machine, in
+    SI. null : value at which the effect is absent; low, high : bounds; spread : one sigma of what is met in practice,
+    about `null` (sets the price of a free parameter); starts : values to start a fit from; difference : step of a
+    derivative, in spreads;
     optional : a diagnosis may leave it out, it is `null` then; shape : it gives the effect's form, not its size; steep
     : by it steps of a signal come late, and a misfit falls only near its right value; of : the value of robot.toml that
     it is a factor of, as "table.key"; declared : by the kind of a single axis, the value of `[axis]` that it adds to,
@@ -52,11 +53,13 @@ class Parameter:
     least: str = ""
     most: str = ""
     reach: str = ""
+    floor: float = -math.inf
 
     def on(self, scales: Scales) -> Parameter:
         """The same in SI on a machine."""
         unit = getattr(scales, self.scale)
         low = max(unit * self.low, -getattr(scales, self.least)) if self.least else unit * self.low
+        low = max(low, self.floor)
         high = min(unit * self.high, getattr(scales, self.most)) if self.most else unit * self.high
         starts = tuple(unit * start for start in self.starts)
         if self.reach and getattr(scales, self.reach) > high:
@@ -67,6 +70,7 @@ class Parameter:
             least="",
             most="",
             reach="",
+            floor=-math.inf,
             null=unit * self.null,
             low=low,
             high=high,
@@ -138,7 +142,8 @@ class Effect:
     by hand that shows this effect and none of `confused_with`; `advice`: what to do once it is shown. `seen_by`:
     channels (without side) of which one must be logged. `runs_in` says where it acts in the real-time simulator: "rtl",
     "robot", "signal", or "refused" where it has no such robot. `restarts`: parameters to fit from as well, where the
-    misfit has more than one minimum. `form`: what share of its size formulations of it differ by, one sigma: next to
+    misfit has more than one minimum; `starts_in_loop`: parameters to take signatures at as well in speed mode, where
+    the loop bends what they do. `form`: what share of its size formulations of it differ by, one sigma: next to
     nothing where a definition or a law stands behind it, more where a model of friction or contact does. `former`:
     parameters that earlier diagnoses hold, and the two whose quotient each was: the present one's name, and the one it
     was divided by. `approximated_by`: other effects that do most of what it does, and with which parameters,
@@ -181,6 +186,7 @@ class Effect:
     agrees_within: tuple[float, str] | None = None
     seen_by: tuple[str, ...] = ()
     restarts: tuple[Mapping[str, float], ...] = ()
+    starts_in_loop: tuple[Mapping[str, float], ...] = ()
     form: float = 0.001
     former: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     approximated_by: Mapping[str, Conversion] = field(default_factory=dict)

@@ -38,6 +38,8 @@ EFFECT = Effect(
     "encoder's scale, whatever the tyre.",
     advice="Set the counts a turn and the gear ratio in the driver.",
     scales=("w", "th"),
+    # One edge counted in place of two, or two in place of one.
+    starts_in_loop=({"ratio": 0.5}, {"ratio": 2.0}),
     runs_in="signal",
     same_as={"driver_gain": speed_alone},
     same_with_friction={"payload_error": torque_drives, "driver_gain": torque_drives},

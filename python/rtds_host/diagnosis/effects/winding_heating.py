@@ -26,6 +26,8 @@ EFFECT = Effect(
             null=1.5,
             low=0.05,
             high=100,
+            # That of a motor of 8 mm is 4.2 s (Faulhaber 0816 SR, data sheet), and larger ones are slower.
+            floor=1.0,
             prior_width=3,
             starts=(0.75, 3.0),
             shape=True,

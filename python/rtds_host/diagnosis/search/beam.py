@@ -18,7 +18,7 @@ from rtds_host.diagnosis.fit import Fit, Proposal
 from rtds_host.diagnosis.screen import Screen, clashes, sensitivities_of
 from rtds_host.diagnosis.search.driver import Search
 from rtds_host.diagnosis.search.moves.adding import with_candidate
-from rtds_host.diagnosis.search.screening import periodic_starts, ranked
+from rtds_host.diagnosis.search.screening import further_starts, ranked
 from rtds_host.diagnosis.search.store import Store
 
 # Numerical: explanations that are kept of each number of effects, those that are fitted to convergence, the most
@@ -82,7 +82,7 @@ def _extended(search: Search, beam: list[Fit]) -> list[Fit]:
 def screenings(search: Search, fit: Fit) -> Callable[[Fit], list[Screen]]:
     """Screens of this fit and of others, by signatures that are taken next to this one."""
     problem, store = search.problem, search.store
-    extra = periodic_starts(store, fit)
+    extra = further_starts(store, fit)
     if problem.robot.axis is not None:
         rough = [store.effects[e] for e in sorted(store.wanted) if store.effects[e].rough]
         extra |= {(effect.id, "left"): _fine_sizes(effect) for effect in rough}

@@ -51,7 +51,7 @@ class Screening:
         """
         problem = store.problem
         periodic = [effect.id for effect in store.effects.values() if effect.periodic]
-        extra = periodic_starts(store, fit)
+        extra = further_starts(store, fit)
         before: Sequence[Screen | None] = (None, self.last)
         known: dict[Signature, np.ndarray] = {}
         if self.slow is not None and self.last is not None:
@@ -68,10 +68,20 @@ class Screening:
         return screens, replace(self, last=screens[1], slow=slow)
 
 
-def periodic_starts(store: Store, fit: Fit) -> dict[tuple[str, str], list[dict]]:
-    """Parameter sets of periodic effects to take signatures at, by (effect, side), from what a fit leaves."""
+def further_starts(store: Store, fit: Fit) -> dict[tuple[str, str], list[dict]]:
+    """Parameter sets to take signatures at beyond each effect's own, by (effect, side): of periodic effects, from what
+    a fit leaves, and of those that a servo's loop bends.
+    """
     sought = [e for e in sorted(store.wanted) if store.effects[e].periodic]
-    return ripple.starts(store.problem, store.problem.replay(fit.model(store.problem)), sought) if sought else {}
+    found = ripple.starts(store.problem, store.problem.replay(fit.model(store.problem)), sought) if sought else {}
+    if store.problem.robot.driver.mode == "speed":
+        bent = [store.effects[e] for e in sorted(store.wanted) if store.effects[e].starts_in_loop]
+        found |= {
+            (effect.id, side): [dict(one) for one in effect.starts_in_loop]
+            for effect in bent
+            for side in ("left", "right")
+        }
+    return found
 
 
 def ranked(store: Store, screens: Iterable[Screen], count: int) -> list[Candidate]:
