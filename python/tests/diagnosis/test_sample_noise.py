@@ -105,6 +105,15 @@ def test_which_samples_were_held_does_not_depend_on_the_declared_noise(times):
         assert np.array_equal(np.flatnonzero(np.isnan(log.columns["w_l"])), rows)
 
 
+@pytest.mark.parametrize("times", [1 / 3, 3.0])
+def test_whether_stamps_are_wrong_does_not_depend_on_the_declared_noise(times):
+    """Angles scatter by their noise, which looks like stamps that are off where the file declares a third of it."""
+    case = make_case(lambda model: model.add("coulomb", 0.02))
+    plain, other = examine(case), examine(declaring(case, times))
+    assert plain.timing.stamps_s == other.timing.stamps_s == 0.0
+    assert not any(log.unsure for log in other.case.runs)
+
+
 @pytest.mark.parametrize("size", [0.8, 2.5, 8.0, 25.0])
 def test_whether_a_run_begins_at_rest_does_not_depend_on_the_declared_noise(size):
     """First samples of so many times the noise that they show."""

@@ -7,11 +7,12 @@ measures what the rest of a diagnosis takes as given: each channel's noise with 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from rtds_host.contract import Case, RunLog
+from rtds_host.contract import Case, Robot, RunLog
 from rtds_host.contract.clock import moment
 from rtds_host.diagnosis.gap import counts
 from rtds_host.diagnosis.gate import (
@@ -59,18 +60,18 @@ def examine(case: Case) -> Gate:
     runs, told = cuts.cut(case)
     found += told
     cleaned = replace(case, runs=runs)
-    cleaned, told = _without_glitches(cleaned, bounds, noise)
+    rounded = {c: rounding.noise_of(step) for c, step in steps.items()}
+    cleaned, told = _without_glitches(cleaned, bounds, _shown(cleaned, rounded))
     found += told
     cleaned, told = loop.estimated(cleaned)
     found += told
-    rounded = {c: rounding.noise_of(step) for c, step in steps.items()}
     cleaned, told, lags = _compared(cleaned, bounds, rounded)
     found += told
     _enough(cleaned)
-    stamped = cleaned
-    cleaned, told = stamps.evened(cleaned, noise, float(np.median([lag for _, lag in lags])) if lags else 0.0)
+    stamped, shown = cleaned, _shown(cleaned, rounded)
+    cleaned, told = stamps.evened(cleaned, shown, float(np.median([lag for _, lag in lags])) if lags else 0.0)
     found += told
-    cleaned, stamps_s, told = stamps.settled(cleaned, noise)
+    cleaned, stamps_s, told = stamps.settled(cleaned, shown)
     found += told
     found += _rounded(noise, steps, declared)
     commands = [timing.command_findings(log, cleaned, bounds.time_constant_s) for log in cleaned.runs]
@@ -161,6 +162,25 @@ def _glitch(log: RunLog, c: str, rows: np.ndarray, of: int) -> Finding:
     )
 
 
+def _counting(case: Case, rounded: Mapping[str, float], replays: Sequence[np.ndarray] | None = None) -> Robot:
+    """The case's robot with the noise that its samples show and what rounding adds; with the declared noise where they
+    show next to none, as a simulator's do.
+
+    Parameters
+    ----------
+    rounded : what rounding adds to each channel's noise; replays : as of `noise_ratio`.
+    """
+    ratio = noise_ratio(case, rounded, replays)
+    return replace(case.robot, rounding=dict(rounded), noise_ratio=ratio if ratio > MINOR_SHARE else 1.0)
+
+
+def _shown(case: Case, rounded: Mapping[str, float]) -> dict[str, float]:
+    """Channel -> one standard deviation of its samples' noise, SI, as they show it: what is a fault, and whether stamps
+    are wrong, does not depend on what a file declares."""
+    counting = _counting(case, rounded)
+    return {channel: counting.known_noise(channel) for channel in rounded}
+
+
 def _compared(
     case: Case, bounds: Limits, rounded: dict[str, float]
 ) -> tuple[Case, list[Finding], list[tuple[str, float]]]:
@@ -172,9 +192,8 @@ def _compared(
     model = nominal_model(robot)
     replayed_runs = [replay_run(model, run_inputs(log, robot)) for log in case.runs]
     # A sensor of few counts sits on each of them, its largest one, too. Held samples repeat themselves where others
-    # show noise, whatever the file declares. A simulator's log has hardly any, and none of it is held.
-    ratio = noise_ratio(case, rounded, replayed_runs)
-    counting = replace(robot, rounding=rounded, noise_ratio=ratio if ratio > MINOR_SHARE else 1.0)
+    # show noise, whatever the file declares.
+    counting = _counting(case, rounded, replayed_runs)
     noise = {channel: counting.known_noise(channel) for channel in rounded}
     found: list[Finding] = []
     lags: list[tuple[str, float]] = []
