@@ -42,7 +42,7 @@ from rtds_host.diagnosis.scatter import over_runs, scattered
 from rtds_host.diagnosis.screen import changes_by_missing, sensitivities_of
 from rtds_host.diagnosis.search.driver import MOST_WORK, QUICK_WORK, Limits, Search
 from rtds_host.diagnosis.search.moves.adding import with_one_of
-from rtds_host.diagnosis.search.stepwise import Selection, by_likelihood
+from rtds_host.diagnosis.search.stepwise import STEPS, Selection, by_likelihood
 from rtds_host.diagnosis.search.store import Store
 from rtds_host.diagnosis.thresholds import MINOR_SHARE, SIGNIFICANT
 from rtds_host.vectors import given
@@ -52,8 +52,6 @@ SCHEMA = "rtds-diagnosis/3"
 RESIDUAL_OF_KNOWN = 0.3
 # Why an effect is not included in whose place a form leaves clearly less.
 SUPERSEDED = "is superseded by a free curve, which leaves clearly less of runs that it was not fitted to"
-# Numerical: how many explanations are tested effect by effect, where some of their effects are not supported.
-ATTEMPTS = 3
 # Numerical: a nuisance that moved by less than so many of its sigmas did not move.
 MOVED = 0.01
 
@@ -210,7 +208,7 @@ def supported_choice(selection: Selection, search: Search, best: Fit) -> tuple[S
 
     Effects may be chosen that help only together. Elimination then removes one after the other, and more is lost than
     the criterion allows. What is left is one more explanation, and held-out runs choose again, of all but those that
-    did not stand.
+    did not stand, as often as the search takes steps.
 
     Parameters
     ----------
@@ -218,12 +216,13 @@ def supported_choice(selection: Selection, search: Search, best: Fit) -> tuple[S
     """
     stood: list[tuple[HeldOutScore, Search, Attribution]] = []
     failed: set[Hypothesis] = set()
-    while len(stood) < ATTEMPTS:
+    while len(stood) < STEPS:
         found = attribute(search, best)
-        stood.append((HeldOutScore.of(search.problem, found.fit), search, found))
-        together = residual_ratio(HeldOutScore.of(search.problem, best), stood[-1][0])
+        left = HeldOutScore.of(search.problem, found.fit)
+        stood.append((left, search, found))
         # A single effect that was removed did not meet the criterion.
-        if len(best.hypothesis) - len(found.included) < 2 or together > MAX_RESIDUAL_RATIO:
+        several = len(best.hypothesis) - len(found.included) > 1
+        if not several or residual_ratio(HeldOutScore.of(search.problem, best), left) > MAX_RESIDUAL_RATIO:
             break
         failed.add(best.hypothesis)
         search, score = selection.choice(failed, [(one, by) for one, by, _ in stood])

@@ -7,7 +7,7 @@ measures what the rest of a diagnosis takes as given: each channel's noise with 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -177,8 +177,12 @@ def _counting(case: Case, rounded: Mapping[str, float], replays: Sequence[np.nda
 def _shown(case: Case, rounded: Mapping[str, float]) -> dict[str, float]:
     """Channel -> one standard deviation of its samples' noise, SI, as they show it: what is a fault, and whether stamps
     are wrong, does not depend on what a file declares."""
-    counting = _counting(case, rounded)
-    return {channel: counting.known_noise(channel) for channel in rounded}
+    return _noises(_counting(case, rounded), rounded)
+
+
+def _noises(robot: Robot, channels: Iterable[str]) -> dict[str, float]:
+    """Channel -> one standard deviation of its noise, SI, as a robot has it."""
+    return {channel: robot.known_noise(channel) for channel in channels}
 
 
 def _compared(
@@ -194,7 +198,7 @@ def _compared(
     # A sensor of few counts sits on each of them, its largest one, too. Held samples repeat themselves where others
     # show noise, whatever the file declares.
     counting = _counting(case, rounded, replayed_runs)
-    noise = {channel: counting.known_noise(channel) for channel in rounded}
+    noise = _noises(counting, rounded)
     found: list[Finding] = []
     lags: list[tuple[str, float]] = []
     runs, replays = [], []
