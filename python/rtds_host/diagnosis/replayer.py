@@ -14,11 +14,12 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from rtds_host.contract import Robot
+from rtds_host.diagnosis.comparison import Comparison
 from rtds_host.diagnosis.effort import spend
 from rtds_host.diagnosis.gap import errors, gap, pooled
 from rtds_host.diagnosis.replay.model import Model, ReplayBatch, replay_run
 from rtds_host.diagnosis.replay.simd import SIMD_WIDTH
-from rtds_host.diagnosis.residual import Comparison, RunData, run_residual
+from rtds_host.diagnosis.residual import RunData, run_residual
 
 # Numerical: what a step takes where lanes wait for each other's free play, and whitening a residual, in steps of a
 # replay in a batch; how much longer a step takes whose friction or bus needs its own result.
@@ -40,7 +41,7 @@ class Replayer:
         self.pool = ThreadPoolExecutor(self.threads)
         self.work = 0.0
         self._kept: list[ReplayBatch] = []
-        self._comparisons: dict[ReplayBatch, Comparison | None] = {}
+        self._comparisons: dict[ReplayBatch, Comparison] = {}
         self._gaps: dict[tuple, tuple[float, float]] = {}
 
     def residuals(
@@ -68,9 +69,7 @@ class Replayer:
         shares = np.array_split(np.arange(len(runs)), min(len(runs), parts)) if alone else []
         compared = self._compared(batch, runs)
         jobs = deque(
-            functools.partial(
-                _alone, batch, compared, runs, rows, (mine[0], mine[-1] + 1), models[k], found[k], steps[k]
-            )
+            functools.partial(_alone, batch, compared, rows, (mine[0], mine[-1] + 1), models[k], found[k], steps[k])
             for k in alone
             for mine in shares
         )
@@ -83,7 +82,6 @@ class Replayer:
                     _together,
                     batch,
                     compared,
-                    runs,
                     rows,
                     [models[k] for k in part],
                     [found[k] for k in part],
@@ -127,7 +125,7 @@ class Replayer:
         self._kept, self._gaps = [ReplayBatch(inputs), *self._kept[: STARTS_KEPT - 1]], {}
         return self._kept[0]
 
-    def _compared(self, batch: ReplayBatch, runs: Sequence[RunData]) -> Comparison | None:
+    def _compared(self, batch: ReplayBatch, runs: Sequence[RunData]) -> Comparison:
         """What the residual of a batch's runs compares, which does not depend on where they begin."""
         if batch not in self._comparisons:
             self._comparisons = {kept: found for kept, found in self._comparisons.items() if kept in self._kept}
@@ -181,8 +179,7 @@ def _taken(models: Sequence[Model], steps: Sequence[float], runs: Sequence[RunDa
 
 def _alone(
     batch: ReplayBatch,
-    compared: Comparison | None,
-    runs: Sequence[RunData],
+    compared: Comparison,
     rows: Sequence[slice],
     share: tuple[int, int],
     model: Model,
@@ -191,36 +188,17 @@ def _alone(
 ) -> None:
     """Fill in the residual of a share of the runs, from one to before another."""
     first, last = share
-    _compare(batch, compared, runs, rows, share, batch.replay_alone(model, first, last, step_s), into)
-
-
-def _compare(
-    batch: ReplayBatch,
-    compared: Comparison | None,
-    runs: Sequence[RunData],
-    rows: Sequence[slice],
-    share: tuple[int, int],
-    out: np.ndarray,
-    into: np.ndarray,
-) -> None:
-    """Fill in the residual of a share of the runs from their replay (rows, 11)."""
-    first, last = share
-    first_row = batch.rows[first]
-    if compared is not None:
-        compared.residual(out, first_row, slice(rows[first].start, rows[last - 1].stop), into)
-        return
-    for k in range(first, last):
-        run_residual(runs[k], out[batch.rows[k] - first_row : batch.rows[k + 1] - first_row], into[rows[k]])
+    out = batch.replay_alone(model, first, last, step_s)
+    compared.residual(out, int(batch.rows[first]), slice(rows[first].start, rows[last - 1].stop), into)
 
 
 def _together(
     batch: ReplayBatch,
-    compared: Comparison | None,
-    runs: Sequence[RunData],
+    compared: Comparison,
     rows: Sequence[slice],
     models: list[Model],
     into: list[np.ndarray],
     steps: list[float],
 ) -> None:
-    for found, outs in zip(into, batch.replay(models, steps)):
-        _compare(batch, compared, runs, rows, (0, len(runs)), outs, found)
+    for found, out in zip(into, batch.replay(models, steps)):
+        compared.residual(out, 0, slice(0, rows[-1].stop), found)

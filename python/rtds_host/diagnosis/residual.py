@@ -6,10 +6,8 @@ averaged over their neighbours), since each sample that narrows an explanation i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-import numba
 import numpy as np
 
 from rtds_host.contract import Robot, RunLog
@@ -77,23 +75,15 @@ def _windows(
 class _Samples:
     """Channels compared sample by sample, one after another: entries of a replay, flat, and what was measured there.
 
-    `level` is the part whose mean is no evidence (the bus voltage's), if there is one.
+    `channels` : where all but the first begin. `level` is the part whose mean is no evidence (the bus voltage's), if
+    there is one.
     """
 
+    channels: np.ndarray
     entries: np.ndarray
     measured: np.ndarray
     noise: np.ndarray
     level: slice | None
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def _in_noise(replayed, entries, measured, noise, into):
-    """Errors in units of noise, (replayed - measured) / noise, at some entries of a replay (none of them negative)."""
-    # By themselves, scattered loads do not keep what follows from going several at a time.
-    for k in range(len(entries)):
-        into[k] = replayed[np.uintp(entries[k])]
-    for k in range(len(entries)):
-        into[k] = (into[k] - measured[k]) / noise[k]
 
 
 @dataclass(frozen=True)
@@ -186,6 +176,7 @@ def _sampled(parts: list[tuple[str, np.ndarray, np.ndarray, np.ndarray]]) -> _Sa
     # The bus is the first channel there is.
     level = slice(0, counts[0]) if parts[0][0] == "v_bus" else None
     return _Samples(
+        np.cumsum(counts[:-1]),
         np.concatenate([rows * len(OUTPUT_INDEX) + OUTPUT_INDEX[channel] for channel, rows, _, _ in parts]),
         np.concatenate([measured for _, _, measured, _ in parts]),
         np.concatenate([noise for *_, noise in parts]),
@@ -208,7 +199,7 @@ def run_residual(data: RunData, out: np.ndarray, into: np.ndarray | None = None)
     if data.sampled is not None:
         at = len(data.sampled.entries)
         error = result[:at]
-        _in_noise(out.ravel(), data.sampled.entries, data.sampled.measured, data.sampled.noise, error)
+        error[:] = (out.ravel()[data.sampled.entries] - data.sampled.measured) / data.sampled.noise
         if data.sampled.level is not None:
             # Its mean depends on the supply, which nobody declares exactly; only its changes are evidence.
             error[data.sampled.level] -= error[data.sampled.level].mean()
@@ -222,80 +213,3 @@ def run_residual(data: RunData, out: np.ndarray, into: np.ndarray | None = None)
             result[at : at + len(noise[k])] = (replayed[k] - measured[k]) / noise[k]
             at += len(noise[k])
     return result
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """What the residual of several runs compares, one after another, all at once: each value is a weighted sum of
-    entries of their replay. Of an axis, whose runs may be hundreds of short pieces; a pose is no such sum.
-
-    first : (N + 1,) where each value's entries begin; entries, weights : of the replay (rows, 11), flat;
-    measured, noise : (N,); levels : parts whose mean is no evidence (the bus voltage's).
-    """
-
-    first: np.ndarray
-    entries: np.ndarray
-    weights: np.ndarray
-    measured: np.ndarray
-    noise: np.ndarray
-    levels: list[slice]
-
-    @classmethod
-    def of(cls, runs: Sequence[RunData]) -> Comparison | None:
-        """Of prepared runs in the order of their replays; None where one compares a pose."""
-        if any(data.pose is not None for data in runs):
-            return None
-        parts: list[tuple[np.ndarray, ...]] = []  # values' numbers of entries, entries, weights, measured, noise
-        levels, at, rows = [], 0, 0
-        for data in runs:
-            offset = rows * len(OUTPUT_INDEX)
-            if data.sampled is not None:
-                seen = data.sampled
-                ones = np.ones(len(seen.entries))
-                parts.append((ones.astype(int), seen.entries + offset, ones, seen.measured, seen.noise))
-                if seen.level is not None:
-                    levels.append(slice(at + seen.level.start, at + seen.level.stop))
-            for _, column, windows, measured, scale in data.angles:
-                entries, weights = windows.moves()
-                parts.append(
-                    (
-                        windows.counts[1:] + windows.counts[:-1],
-                        entries * len(OUTPUT_INDEX) + column + offset,
-                        weights,
-                        measured,
-                        scale,
-                    )
-                )
-            at, rows = at + len(data.block), rows + len(data.inputs[0])
-        counts, entries, weights, measured, noise = (
-            np.concatenate(column) if parts else np.empty(0, kind)
-            for column, kind in zip(zip(*parts) if parts else [()] * 5, (int, int, float, float, float))
-        )
-        return cls(np.concatenate([[0], np.cumsum(counts)]), entries, weights, measured, noise, levels)
-
-    def residual(self, out: np.ndarray, row: int, rows: slice, into: np.ndarray) -> None:
-        """Fill in the `rows` of a residual (N,) from the replay of their runs, (n, 11), which begins at a `row`."""
-        _sums_in_noise(
-            out.ravel(),
-            row * len(OUTPUT_INDEX),
-            self.first,
-            self.entries,
-            self.weights,
-            self.measured,
-            self.noise,
-            (rows.start, rows.stop),
-            into,
-        )
-        for level in self.levels:
-            if rows.start <= level.start < rows.stop:
-                into[level] -= into[level].mean()
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def _sums_in_noise(replayed, offset, first, entries, weights, measured, noise, rows, into):
-    """Errors in units of noise of sums of a replay's entries, whose first entry is `offset`."""
-    for k in range(rows[0], rows[1]):
-        value = 0.0
-        for n in range(first[k], first[k + 1]):
-            value += weights[n] * replayed[entries[n] - offset]
-        into[k] = (value - measured[k]) / noise[k]

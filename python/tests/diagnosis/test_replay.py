@@ -610,6 +610,33 @@ def test_runs_replayed_one_after_another_leave_what_each_leaves_by_itself(tmp_pa
     np.testing.assert_allclose(problem.residual(model), np.concatenate(alone), rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.parametrize("late_s", [0.013, -0.021], ids=["clocks behind", "clocks ahead"])
+@pytest.mark.parametrize("missing", [(), ("x", "y"), ("yaw",)], ids=["all channels", "no position", "no yaw"])
+def test_a_robots_runs_leave_together_what_each_leaves_by_itself(late_s, missing):
+    """With a gyro and a pose on clocks of their own, for which `np.interp` is the reference."""
+    case = make_case()
+    for k, log in enumerate(case.runs):
+        log.columns["v_bus"] = 12.0 + 0.1 * np.sin(log.t)
+        for channel in missing:
+            del log.columns[channel]
+        log.columns["w_l"][k::7] = np.nan
+    robot = replace(case.robot, sensors={**case.robot.sensors, "v_bus_v": 0.02})
+    problem = Problem(replace(case, robot=robot), 2)
+    model = problem.nominal.copy()
+    model.put("coulomb", 0.01)
+    alone = []
+    late = model.copy()
+    late.declare(gyro_delay=late_s, pose_delay=late_s)
+    for data in problem.runs_starting(model.start):
+        out = replay_run(model, data.inputs)
+        for column in ("gyro_z", "x", "y", "yaw"):
+            values = out[:, OUTPUT_INDEX[column]]
+            values[:] = np.interp(data.log.t - late_s, data.log.t, values.copy())
+        alone.append(run_residual(data, out))
+    for residual in problem.residuals([late] * 5):
+        np.testing.assert_allclose(residual, np.concatenate(alone), rtol=1e-7, atol=1e-7)
+
+
 @pytest.mark.parametrize("load", [0.0, 0.2], ids=["no load friction", "load friction"])
 def test_an_amplifier_commands_no_more_torque_than_its_limit_allows(load):
     robot = replace(

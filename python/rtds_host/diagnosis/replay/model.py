@@ -375,35 +375,41 @@ def replay_run(model: Model, inputs: tuple[np.ndarray, ...], step_s: float | Non
     out = np.empty((len(inputs[0]), len(OUTPUTS)))
     longest = step_s or model.step_s
     kernel.replay(*inputs[:5], *model.numbers, *inputs[5:], longest, FINE_STEP_S, out)
-    _on_clocks(model, inputs[0], out)
+    _on_clocks(model, inputs[0], np.array([0, len(out)]), out)
     return out
 
 
-def _on_clocks(model: Model, t: np.ndarray, out: np.ndarray) -> None:
-    """Let a replay's outputs (n, 11) at times t (n,) come from the clocks of their devices."""
+def _on_clocks(model: Model, t: np.ndarray, rows: np.ndarray, out: np.ndarray) -> None:
+    """Let replays' outputs (n, 11) at times t (n,) come from the clocks of their devices; rows : where runs begin, and
+    where the last one ends.
+    """
     for quantity, columns in CLOCKS.items():
         if delay_s := model.get(quantity):
-            _delay(t, delay_s, out[:, columns])
+            _delay(t, rows, delay_s, out, columns.start, columns.stop)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _delay(t, delay_s, values):
-    """Let values (n, k) at times t (n,) be those of `delay_s` earlier, as `np.interp` has them: rows are found once for
-    all columns.
+def _delay(t, rows, delay_s, out, begin, end):
+    """Let the columns from `begin` to `end` of `out` (n, 11) at times t (n,) be those of `delay_s` earlier, as
+    `np.interp` has them, run by run. A negative delay is that of the others.
     """
-    before = values.copy()
-    n, row = len(t), 0
-    for i in range(n):
-        at = t[i] - delay_s
-        while row + 1 < n and t[row + 1] <= at:
-            row += 1
-        if at > t[row] and row + 1 < n:
-            span, past = t[row + 1] - t[row], at - t[row]
-            for k in range(values.shape[1]):
-                values[i, k] = before[row, k] + (before[row + 1, k] - before[row, k]) / span * past
-        else:
-            for k in range(values.shape[1]):
-                values[i, k] = before[row, k]
+    for r in range(len(rows) - 1):
+        first, last = rows[r], rows[r + 1]
+        # From the end on where values come from before, so that these are not overwritten yet.
+        row = last - 1 if delay_s > 0.0 else first
+        for i in range(last - 1, first - 1, -1) if delay_s > 0.0 else range(first, last):
+            at = t[i] - delay_s
+            while delay_s > 0.0 and row > first and t[row] > at:
+                row -= 1
+            while delay_s < 0.0 and row + 1 < last and t[row + 1] <= at:
+                row += 1
+            if at > t[row] and row + 1 < last:
+                span, past = t[row + 1] - t[row], at - t[row]
+                for k in range(begin, end):
+                    out[i, k] = out[row, k] + (out[row + 1, k] - out[row, k]) / span * past
+            else:
+                for k in range(begin, end):
+                    out[i, k] = out[row, k]
 
 
 class ReplayBatch:
@@ -437,7 +443,8 @@ class ReplayBatch:
         out = np.empty((self.rows[last] - self.rows[first], len(OUTPUTS)))
         steps = step_s, FINE_STEP_S
         kernel.replay_runs(self._in_memory, self._starts(first, last), first, model.numbers, steps, out)
-        self._put_on_clocks(model, first, last, out)
+        start, stop = self.rows[first], self.rows[last]
+        _on_clocks(model, self.t[start:stop], self.rows[first : last + 1] - start, out)
         return out
 
     def replay(self, models: list[Model], steps: Sequence[float | None] | None = None) -> np.ndarray:
@@ -450,15 +457,9 @@ class ReplayBatch:
         numbers = tuple(np.array([getattr(m, part) for m in models]) for part in ("side", "common", "forms"))
         replay_batch(self._in_memory, starts, numbers, np.array(longest), FINE_STEP_S, which, flat, first)
         for model, mine in zip(models, out):
-            self._put_on_clocks(model, 0, len(self.inputs), mine)
+            _on_clocks(model, self.t, self.rows, mine)
         return out
 
     def _starts(self, first: int, last: int) -> np.ndarray:
         """Where runs begin, which may have been estimated again."""
         return np.array([run[6] for run in self.inputs[first:last]])
-
-    def _put_on_clocks(self, model: Model, first: int, last: int, out: np.ndarray) -> None:
-        if any(model.get(quantity) for quantity in CLOCKS):
-            rows = self.rows[first : last + 1]
-            for first, last in zip(rows, rows[1:]):
-                _on_clocks(model, self.t[first:last], out[first - rows[0] : last - rows[0]])
