@@ -73,11 +73,13 @@ def _normal(
     fit: Fit, keep: np.ndarray, residual: np.ndarray, root: np.ndarray, rows: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Hessian (p, p) and gradient (p,) of half the weighted squares of some rows (m,), by the parameters to `keep`."""
-    columns, mine = [*fit.by_nuisance.T, *fit.by_effect.T], root[rows]
+    # A run's rows are neighbours: a view of them need not be gathered.
+    there = slice(rows[0], rows[-1] + 1) if len(rows) and rows[-1] - rows[0] + 1 == len(rows) else rows
+    columns, mine = [*fit.by_nuisance.T, *fit.by_effect.T], root[there]
     jacobian = np.empty((len(rows), len(keep)), order="F")
     for j, into in zip(keep, jacobian.T, strict=True):
-        np.multiply(columns[j][rows], mine, out=into)
-    return jacobian.T @ jacobian, jacobian.T @ (mine * residual[rows])
+        np.multiply(columns[j][there], mine, out=into)
+    return jacobian.T @ jacobian, jacobian.T @ (mine * residual[there])
 
 
 def _asked_at_fit(fit: Fit, keep: np.ndarray, parts: Sequence[np.ndarray]) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -164,20 +166,27 @@ def as_fitted(problem: Problem, fit: Fit) -> list[Prediction]:
 
 
 def over_runs(problem: Problem, parts: Sequence[Prediction]) -> list[Errors]:
-    """Errors by channel of each part that was left out, at the search's steps, with commands as late as fitted."""
-    jobs, owners = [], []
+    """Errors by channel of each part that was left out, at the search's steps, with commands as late as fitted; the
+    runs of all parts' models begin alike.
+    """
+    found: list[dict[str, gaps.Squares]] = [{} for _ in parts]
+    if not parts:
+        return list(found)
+    judged = problem.judged(parts[0].model.start)
+    jobs: list[tuple[int, int, slice]] = []  # a part, a run that is judged, and its rows of the part
     for k, one in enumerate(parts):
         t = problem.whole[one.run].log.t
-        for data in (data for data, owner in problem.judged(one.model.start) if owner == one.run):
+        for n, (data, owner) in enumerate(judged):
             # Of a stretch of a long run what lies in this part.
             begin, end = np.searchsorted(data.log.t, t[[one.first, one.last - 1]])
-            if end > begin:
-                jobs.append((one.model, data, int(begin), int(end) + 1))
-                owners.append(k)
-    found: list[dict[str, gaps.Squares]] = [{} for _ in parts]
-    for k, errors in zip(owners, problem.pool.map(lambda job: _errors(problem, *job), jobs), strict=True):
-        for channel, more in errors.items():
-            before = found[k].get(channel, gaps.Squares(0.0, 0))
+            if owner == one.run and end > begin:
+                jobs.append((k, n, slice(int(begin), int(end) + 1)))
+    batch = problem.replayer.batch([data for data, _ in judged])
+    outs = batch.replay_each([parts[k].model for k, *_ in jobs], [n for _, n, _ in jobs])
+    for (k, n, rows), out in zip(jobs, outs, strict=True):
+        log = judged[n][0].log.rows(rows.start, rows.stop)
+        for channel, error in gaps.errors(log, problem.robot, out[rows]).items():
+            more, before = gaps.squares(error), found[k].get(channel, gaps.Squares(0.0, 0))
             found[k][channel] = gaps.Squares(before.total + more.total, before.count + more.count)
     return list(found)
 
@@ -226,8 +235,3 @@ def left_out_channels(problem: Problem, fit: Fit) -> dict[str, float]:
 def left_out_gap(problem: Problem, fit: Fit) -> float:
     """The same over all channels."""
     return gaps.gap(left_out_channels(problem, fit))
-
-
-def _errors(problem: Problem, model: Model, data: RunData, first: int, last: int) -> dict[str, gaps.Squares]:
-    out = replay_run(model, data.inputs)[first:last]
-    return {c: gaps.squares(error) for c, error in gaps.errors(data.log.rows(first, last), problem.robot, out).items()}

@@ -452,13 +452,34 @@ class ReplayBatch:
         longest = [step or model.step_s for model, step in zip(models, steps or [None] * len(models))]
         out = np.empty((len(models), self.rows[-1], len(OUTPUTS)))
         which = np.array([(k, run) for run in self.order for k in range(len(models))])
-        starts, flat = self._starts(0, len(self.inputs)), out.reshape(-1, len(OUTPUTS))
-        first = which[:, 0] * self.rows[-1] + self.rows[which[:, 1]]
-        numbers = tuple(np.array([getattr(m, part) for m in models]) for part in ("side", "common", "forms"))
-        replay_batch(self._in_memory, starts, numbers, np.array(longest), FINE_STEP_S, which, flat, first)
+        self._fill(models, longest, which, which[:, 0] * self.rows[-1] + self.rows[which[:, 1]], out)
         for model, mine in zip(models, out):
             _on_clocks(model, self.t, self.rows, mine)
         return out
+
+    def replay_each(self, models: list[Model], runs: Sequence[int]) -> list[np.ndarray]:
+        """Replays (n, 11) of one run with each model, columns as `OUTPUTS`."""
+        if len(models) < max((model.fewest for model in models), default=math.inf):
+            return [replay_run(model, self.inputs[run]) for model, run in zip(models, runs, strict=True)]
+        lengths = np.diff(self.rows)[list(runs)]
+        first = np.concatenate([[0], np.cumsum(lengths)])
+        out = np.empty((first[-1], len(OUTPUTS)))
+        # The longest first, as above.
+        order = np.argsort(-lengths, kind="stable")
+        which = np.column_stack([np.arange(len(models)), runs])[order]
+        self._fill(models, [model.step_s for model in models], which, first[:-1][order], out)
+        found = np.split(out, first[1:-1])
+        for model, run, mine in zip(models, runs, found, strict=True):
+            _on_clocks(model, self.inputs[run][0], np.array([0, len(mine)]), mine)
+        return found
+
+    def _fill(
+        self, models: list[Model], longest: list[float], which: np.ndarray, first: np.ndarray, out: np.ndarray
+    ) -> None:
+        """Replay models on runs, `which` (jobs, 2), with `longest` steps, s, each from its row of `out` on, `first`."""
+        numbers = tuple(np.array([getattr(m, part) for m in models]) for part in ("side", "common", "forms"))
+        starts, flat = self._starts(0, len(self.inputs)), out.reshape(-1, len(OUTPUTS))
+        replay_batch(self._in_memory, starts, numbers, np.array(longest), FINE_STEP_S, which, flat, first)
 
     def _starts(self, first: int, last: int) -> np.ndarray:
         """Where runs begin, which may have been estimated again."""
