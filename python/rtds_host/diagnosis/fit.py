@@ -502,7 +502,7 @@ class Fitter:
         """Gradient (k + p,) and Hessian (k + p, k + p) of half the objective, by Gauss and Newton: that of the weighted
         squares, and what the logarithm takes off it unless the weights are `fixed`."""
         # In double precision: next to rounded sums, a change in the seventh digit of the noise leads to other optima.
-        jacobian = noise.whitened([*by_nuisance.T, *by_effect.T]).astype(float)
+        jacobian = noise.whitened([*by_nuisance.T, *by_effect.T], float)
         white = noise.whiten(r)
         weight = prior_weight(x[: self.count], x[self.count :])
         hessian = jacobian.T @ jacobian + np.diag(weight)

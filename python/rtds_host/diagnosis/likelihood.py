@@ -79,20 +79,25 @@ class Likelihood:
         """A column (N,) times the square root of the weights, in the type it comes in; itself without weights."""
         return column if self.root is None else column * self.root.astype(column.dtype)
 
-    def whitened(self, columns: Sequence[np.ndarray]) -> np.ndarray:
-        """Several weighted columns, (N,) each: (N, p) float32, each in one piece."""
-        out = np.empty((self.count, len(columns)), np.float32, order="F")
+    def whitened(self, columns: Sequence[np.ndarray], kind: type = np.float32) -> np.ndarray:
+        """Several weighted columns, (N,) each: (N, p), each in one piece. They are rounded to float32, also where they
+        are wanted in another `kind`.
+        """
+        out: np.ndarray = np.empty((self.count, len(columns)), kind, order="F")
         self.whiten_into(columns, list(out.T))
         return out
 
     def whiten_into(self, columns: Sequence[np.ndarray], out: Sequence[np.ndarray]) -> None:
         """Weight columns (N,) each into others."""
         root = None if self.root is None else self.root.astype(np.float32)
+        between = np.empty(self.count, np.float32)
         for column, into in zip(columns, out, strict=True):
             if root is None:
                 into[:] = column
-            else:
+            elif into.dtype == np.float32:
                 np.multiply(column, root, out=into, casting="same_kind")
+            else:
+                into[:] = np.multiply(column, root, out=between, casting="same_kind")
 
     def cost(self, residual: np.ndarray) -> float:
         """-2 log likelihood of residuals (N,) by the tangent, at least that of the likelihood itself; infinite where a

@@ -417,8 +417,10 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                     k = sample[l]
                     while True:
                         row = to_out[l] + k
-                        current = driver.bus_current(s[CUR + l], s[VA + l], s[SUPPLY + l])
-                        current += driver.bus_current(s[_SIDE + CUR + l], s[_SIDE + VA + l], s[SUPPLY + l])
+                        current = 0.0
+                        if s[SOURCE + l] != 0.0:  # divisions that few replays need
+                            current = driver.bus_current(s[CUR + l], s[VA + l], s[SUPPLY + l])
+                            current += driver.bus_current(s[_SIDE + CUR + l], s[_SIDE + VA + l], s[SUPPLY + l])
                         elapsed = now - s[BEGUN + l]
                         bus = driver.loaded_bus(s[SUPPLY + l], s[SOURCE + l], current, s[DECLINE + l], elapsed)
                         out[row, 0] = s[BUS_ROW + l] if s[MEASURED + l] > 0.0 else bus
