@@ -1,6 +1,4 @@
-"""The residual of many models over several runs at once, in compiled loops: what `residual.run_residual` says in NumPy
-of one model and run.
-"""
+"""The residual of all runs of a case at once, compiled: what `residual.run_residual` says of one run in NumPy."""
 
 from __future__ import annotations
 
@@ -49,22 +47,19 @@ class Comparison:
         for data in runs:
             gathered.add(data, row * len(OUTPUT_INDEX))
             row += len(data.inputs[0])
-        counts, entries, weights, measured, noise = (
-            np.concatenate([np.empty(0, kind), *column])
-            for column, kind in zip(
-                (gathered.counts, gathered.entries, gathered.weights, gathered.measured, gathered.noise),
-                (int, int, float, float, float),
-            )
+        return cls(
+            samples=np.array(gathered.samples, int).reshape(-1, 2),
+            sums=np.array(gathered.sums, int).reshape(-1, 2),
+            levels=np.array(gathered.levels, int).reshape(-1, 2),
+            first=np.concatenate([[0], np.cumsum(_joined(gathered.counts, int))]),
+            entries=_joined(gathered.entries, int),
+            weights=_joined(gathered.weights, float),
+            measured=_joined(gathered.measured, float),
+            noise=_joined(gathered.noise, float),
+            moves=_joined(gathered.moves, int, 3),
+            ends=_joined(gathered.ends, int, 4),
+            at_ends=_joined(gathered.at_ends, int),
         )
-        samples, sums, levels = (
-            np.array(parts, int).reshape(-1, 2) for parts in (gathered.samples, gathered.sums, gathered.levels)
-        )
-        moves, ends = (
-            np.concatenate([np.empty((0, n), int), *parts]) for parts, n in ((gathered.moves, 3), (gathered.ends, 4))
-        )
-        at_ends = np.concatenate([np.empty(0, int), *gathered.at_ends])
-        first = np.concatenate([[0], np.cumsum(counts)])
-        return cls(samples, sums, levels, first, entries, weights, measured, noise, moves, ends, at_ends)
 
     def residual(self, out: np.ndarray, row: int, rows: slice, into: np.ndarray) -> None:
         """Fill in the `rows` of a residual (N,) from the replay of their runs, (n, 11), which begins at a `row`."""
@@ -77,6 +72,11 @@ class Comparison:
             (self.moves, self.ends, self.at_ends),
             into,
         )
+
+
+def _joined(parts: Sequence[np.ndarray], kind: type, *width: int) -> np.ndarray:
+    """Arrays (n, *width) of a kind, one after another; none without any."""
+    return np.concatenate([np.empty((0, *width), kind), *parts])
 
 
 class _Gathered:

@@ -637,6 +637,18 @@ def test_a_robots_runs_leave_together_what_each_leaves_by_itself(late_s, missing
         np.testing.assert_allclose(residual, np.concatenate(alone), rtol=1e-7, atol=1e-7)
 
 
+@pytest.mark.parametrize("count", [1, 9], ids=["too few for a batch", "in a batch"])
+def test_a_run_replayed_with_a_model_of_its_own_is_what_it_gives_by_itself(count):
+    case = make_case()
+    inputs = [run_inputs(log, case.robot) for log in case.runs]
+    models, runs = [], [k % len(inputs) for k in range(count)]
+    for k in range(count):
+        models.append(nominal_model(case.robot))
+        models[-1].declare(coulomb=0.002 * k, gyro_delay=0.004 * (k % 2), command_delay=0.003 * k)
+    for model, run, out in zip(models, runs, ReplayBatch(inputs).replay_each(models, runs), strict=True):
+        np.testing.assert_allclose(out, replay_run(model, inputs[run]), rtol=1e-7, atol=1e-9)
+
+
 @pytest.mark.parametrize("load", [0.0, 0.2], ids=["no load friction", "load friction"])
 def test_an_amplifier_commands_no_more_torque_than_its_limit_allows(load):
     robot = replace(
