@@ -169,7 +169,7 @@ def _compare(replayed, offset, rows, parts, values, poses, into):
             # Its mean depends on the supply, which nobody declares exactly; only its changes are evidence.
             into[levels[n, 0] : levels[n, 1]] -= into[levels[n, 0] : levels[n, 1]].mean()
     for n in range(len(moves)):
-        one = max(moves[n, 0], moves[n, 2])
+        one = max(moves[n, 0], moves[n, 1], moves[n, 2])
         if rows[0] <= one < rows[1]:
             x, y, yaw = _mean_pose(replayed, offset, at_ends, ends[n, 0], ends[n, 1])
             then_x, then_y, then_yaw = _mean_pose(replayed, offset, at_ends, ends[n, 2], ends[n, 3])

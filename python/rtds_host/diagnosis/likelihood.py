@@ -94,8 +94,6 @@ class Likelihood:
         for column, into in zip(columns, out, strict=True):
             if root is None:
                 into[:] = column
-            elif into.dtype == np.float32:
-                np.multiply(column, root, out=into, casting="same_kind")
             else:
                 into[:] = np.multiply(column, root, out=between, casting="same_kind")
 
