@@ -43,7 +43,7 @@ from rtds_host.diagnosis.screen import changes_by_missing, sensitivities_of
 from rtds_host.diagnosis.search.driver import MOST_WORK, QUICK_WORK, Limits, Search
 from rtds_host.diagnosis.search.moves.adding import with_one_of
 from rtds_host.diagnosis.search.stepwise import STEPS, Selection, by_likelihood
-from rtds_host.diagnosis.search.store import Store
+from rtds_host.diagnosis.search.store import FAR, Store
 from rtds_host.diagnosis.thresholds import MINOR_SHARE, SIGNIFICANT
 from rtds_host.vectors import given
 
@@ -162,7 +162,9 @@ def _encoder_placed(case: Case, search: Search, best: Fit, threads: int, without
     store = other.store
     base = store.try_fit(best.hypothesis, best.u, nothing) if best.hypothesis else nothing
     giving = {e.id for e in store.effects.values() if e.gives} & store.wanted
-    fits = [base, *store.try_fits(with_one_of(store, base, giving))]
+    rough = store.try_fits(with_one_of(store, base, giving), rough=True)
+    near = [fit for fit in rough if store.score(fit) < search.store.score(best) + FAR]
+    fits = [base, *store.converged(near)]
     other.problem.follow_angles(False)
     if min(map(store.score, fits)) >= search.store.score(best):
         return search, best
