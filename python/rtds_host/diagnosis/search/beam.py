@@ -19,7 +19,7 @@ from rtds_host.diagnosis.screen import Screen, clashes, sensitivities_of
 from rtds_host.diagnosis.search.driver import Search
 from rtds_host.diagnosis.search.moves.adding import with_candidate
 from rtds_host.diagnosis.search.screening import further_starts, ranked
-from rtds_host.diagnosis.search.store import Store
+from rtds_host.diagnosis.search.store import FAR, Store
 
 # Numerical: explanations that are kept of each number of effects, those that are fitted to convergence, the most
 # effects, and the effects of each screening that are tried on each explanation, of an axis and of a robot, whose sides
@@ -55,9 +55,10 @@ def widened(search: Search) -> dict[int, list[Fit]]:
         mine = found.setdefault(len(fit.hypothesis), [])
         if len(mine) < WIDTH:
             mine.append(fit)
-    # Where only noise is left the likelihood is exact.
     for mine in found.values():
-        for optima in store.local_optima([f for f in mine if f.hypothesis and not store.within_noise(f)]):
+        # Where only noise is left the likelihood is exact. What is far behind is the worse one at other optima, too.
+        near = [f for f in mine if f.hypothesis and store.score(f) < store.score(mine[0]) + FAR]
+        for optima in store.local_optima([f for f in near if not store.within_noise(f)]):
             mine.extend(optima[1:])
     return found
 
