@@ -387,8 +387,8 @@ class Fitter:
         cost; by the weights as they are where these are `fixed`."""
         for x in trials:
             (moved,) = yield [self.model(hypothesis, x)], None
-            at = noise if fixed else noise.estimated(moved)
-            cost = at.cost(moved) + prior_cost(x[: self.count], x[self.count :])
+            cost = noise.cost(moved) if fixed else noise.exact_cost(moved)
+            cost += prior_cost(x[: self.count], x[self.count :])
             if cost < now:
                 break
         return x, moved, cost

@@ -105,6 +105,13 @@ class Likelihood:
             cost = float(np.sum(squares if self.weight is None else squares * self.weight) + self.constant.sum())
         return cost if math.isfinite(cost) else math.inf
 
+    def exact_cost(self, residual: np.ndarray) -> float:
+        """-2 log likelihood of residuals (N,) itself, which the tangent meets where it is `estimated`; infinite where a
+        replay ran away."""
+        squares = _squares(self.groups, residual, len(self.sizes))
+        cost = _log_likelihood(squares, self.sizes, self.samples, CHANCE_SIGMAS)
+        return cost if math.isfinite(cost) else math.inf
+
     def blocks(self, residual: np.ndarray, blocks: np.ndarray, count: int) -> np.ndarray:
         """The same by block of time, (count,); `blocks` (N,) says which block a residual is in."""
         white = self.whiten(residual)
@@ -162,6 +169,18 @@ def _squares(groups, residual, count):
         total += residual[k] * residual[k]
     found[at] += total
     return found
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _log_likelihood(squares, sizes, samples, sigmas):
+    """-2 log likelihood of groups with these sums of squares (m,), sizes and samples: see the module."""
+    cost = 0.0
+    for k in range(len(squares)):
+        n, b = sizes[k], samples[k]
+        known = n + sigmas * math.sqrt(2.0 * n)
+        over = squares[k] - known
+        cost += known + b * math.log(1.0 + over / b) if over > 0.0 else squares[k]
+    return cost
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")

@@ -15,7 +15,7 @@ def noise(seed=1, size=1.0):
 
 
 def exact(residual, samples=ONE):
-    return Likelihood(GROUPS, samples).estimated(residual).cost(residual)
+    return Likelihood(GROUPS, samples).exact_cost(residual)
 
 
 def test_residuals_no_larger_than_their_noise_cost_their_squares():

@@ -56,5 +56,5 @@ def with_candidate(store: Store, fit: Fit, candidate: Candidate) -> Proposal:
         for z in (fit.z, np.zeros_like(fit.z)):
             nominal = store.problem.with_nuisances(z, fit.start)
             models.append(apply(store.effects, nominal, hypothesis, to_values(store.effects, hypothesis, u)))
-    costs = [fit.noise.estimated(r).cost(r) for r in store.problem.residuals(models, [m.coarse_s for m in models])]
+    costs = [fit.noise.exact_cost(r) for r in store.problem.residuals(models, [m.coarse_s for m in models])]
     return fit.proposal({cause: starts[int(np.argmin(costs)) // 2]})

@@ -42,7 +42,7 @@ def lower(store: Store, fit: Fit, cause: tuple[str, str]) -> list[Proposal]:
         nominal = store.problem.with_nuisances(z, fit.start)
         models = [apply(store.effects, nominal, fit.hypothesis, v) for v in values]
         residuals = store.problem.residuals(models, [m.coarse_s for m in models])
-        found[int(np.argmin([fit.noise.estimated(r).cost(r) for r in residuals]))] = None
+        found[int(np.argmin([fit.noise.exact_cost(r) for r in residuals]))] = None
     return [trials[k] for k in found if k < len(trials)]
 
 
