@@ -29,6 +29,7 @@ from pathlib import Path
 import numpy as np
 
 from rtds_host.blind.cases import KINDS, TIERS, WORLDS, draw_spec, make_case
+from rtds_host.blind.planar import Diverged
 from rtds_host.cleanup import run_supervised, temporary_folder
 from rtds_host.contract import write_atomic
 from rtds_host.errors import InputError
@@ -105,12 +106,17 @@ def shares(count: int, tiers: list[str]) -> list[str]:
 def _make_one(job: tuple[int, str, str, str, str]) -> str:
     seed, tier, world, public, sealed = job
     rng = np.random.default_rng(seed)
-    spec = draw_spec(rng, tier, world)
-    case = Path(public)
-    hidden = Path(sealed)
+    case, hidden = Path(public), Path(sealed)
     held = hidden / "held-out"
-    held.mkdir(parents=True, exist_ok=True)
-    return lock(make_case(int(rng.integers(2**31)), spec, case, held_out=held), case, hidden)
+    while True:
+        spec = draw_spec(rng, tier, world)
+        held.mkdir(parents=True, exist_ok=True)
+        try:
+            return lock(make_case(int(rng.integers(2**31)), spec, case, held_out=held), case, hidden)
+        except Diverged:
+            # Drawn again: the next one of the same tier.
+            shutil.rmtree(case)
+            shutil.rmtree(held)
 
 
 def lock(truth: dict, case: Path, hidden: Path) -> str:

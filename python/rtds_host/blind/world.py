@@ -113,8 +113,11 @@ from rtds_host.blind.kernel import (
     W_WHEEL_INERTIA,
     W_YAW_INERTIA,
 )
+from rtds_host.blind.planar import Diverged
 
 STEP_S = 2e-4
+# What MuJoCo counts of positions, speeds and accelerations that are no numbers, or huge.
+UNSTABLE = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
 GRAVITY_M_S2 = 9.80665
 WHEEL_KG = 0.0285  # URDF of the TurtleBot3 Burger; part of the declared mass
 WHEEL_TILT_KG_M2 = 1.1e-5  # about a diameter
@@ -547,7 +550,12 @@ def simulate(
     events: np.ndarray,
     seed: int,
 ) -> np.ndarray:
-    """Run one scenario; arguments and result as in `kernel.simulate` (`times` in multiples of `STEP_S`)."""
+    """Run one scenario; arguments and result as in `kernel.simulate` (`times` in multiples of `STEP_S`).
+
+    Raises
+    ------
+    Diverged : MuJoCo found the simulation unstable, and began it again from its first state.
+    """
     robot = _Robot(side, world, start, events, seed)
     link = _Link(times, v_cmd, world[W_COMMAND_DELAY], events)
     dense = _needs_every_step(side, world, events)
@@ -586,4 +594,6 @@ def simulate(
             if k > k0:
                 history[k] = robot.reading()
             robot.step(k * STEP_S, link.commands(k * STEP_S, row))
+    if any(robot.data.warning[kind].number for kind in UNSTABLE):
+        raise Diverged("MuJoCo: the simulation is unstable")
     return out

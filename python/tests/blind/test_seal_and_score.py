@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from rtds_host.blind import cases, score, seal
+from rtds_host.blind import cases, planar, score, seal
 from rtds_host.contract import read_case
 from rtds_host.errors import InputError
 
@@ -155,6 +155,24 @@ def test_the_same_seed_makes_the_same_public_cases(checked, tmp_path):
     for case in seal.read_seals(checked):
         assert seal.hash_folder(tmp_path / "again" / "public" / case) == seal.hash_folder(checked / "public" / case)
     assert seal.read_seals(tmp_path / "again") != seal.read_seals(checked)  # the salt is new
+
+
+def test_a_case_that_becomes_unstable_is_drawn_again(tmp_path, monkeypatch):
+    whole, specs = seal.make_case, []
+
+    def unstable_at_first(number, spec, folder, **rest):
+        specs.append(spec)
+        if len(specs) == 1:
+            (folder / "begun").mkdir(parents=True)
+            raise planar.Diverged("unstable")
+        spec["runs"], spec["held_out"] = [dict(spec["runs"][0], duration=2.0)], []
+        return whole(number, spec, folder, **rest)
+
+    monkeypatch.setattr(seal, "make_case", unstable_at_first)
+    assert len(seal.make(tmp_path, 1, ["none"], ["planar"], seed=1, jobs=1)) == 1
+    assert len(specs) == 2 and specs[0] != specs[1]
+    assert not (tmp_path / "public" / "case-001" / "begun").exists()
+    assert read_case(tmp_path / "public" / "case-001").runs
 
 
 def test_the_silent_diagnoser_scores_what_it_deserves(checked):

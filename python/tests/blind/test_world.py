@@ -72,6 +72,17 @@ def test_motors_are_dcmotors_with_their_own_states():
     assert model.na == 2 * (2 + 1)  # current and temperature, and a bristle, each side
 
 
+def test_a_run_that_became_unstable_is_none(tmp_path, monkeypatch):
+    """MuJoCo goes on from its first state then, with speeds of thousands of rad/s in between."""
+    monkeypatch.chdir(tmp_path)  # where it writes its warnings
+    machine = planar.nominal_machine(ROBOT)
+    play, spring = {"angle_rad": 0.05}, {"stiffness_nm_per_rad": 5000.0, "damping_nm_s_per_rad": 0.01}
+    for name, parameters in (("backlash", play), ("gear_compliance", spring)):
+        planar.apply_effect(machine, {"id": name, "parameters": parameters, "side": "both"})
+    with pytest.raises(planar.Diverged, match="unstable"):
+        drive(machine, "mujoco", seconds=1.0)
+
+
 def test_a_case_of_the_second_world_is_readable_and_repeatable(tmp_path):
     for name in ("a", "b"):
         spec = cases.draw_spec(np.random.default_rng(9), "pair", "mujoco")
