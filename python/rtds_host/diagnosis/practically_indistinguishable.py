@@ -116,8 +116,8 @@ def _as_likely(
             share = store.excess_reduction(fit, swapped)
             worse = distinguishable(gain, t, share, store.problem.block_count, least)
         else:
-            # More parameters always leave a little less.
-            worse = len(swapped.u) > len(fit.u)
+            # More parameters always leave a little less. One on its bound does not count, such as no delay of a filter.
+            worse = swapped.free[len(swapped.z) :].sum() > fit.free[len(fit.z) :].sum()
         if not worse and leaves_as_little(swapped):
             found[cause] = gain
     return found
