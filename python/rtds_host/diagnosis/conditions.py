@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from rtds_host.contract import Case, Robot, RunLog
+from rtds_host.diagnosis.replay.model import measured_angle
 from rtds_host.diagnosis.thresholds import SIGNIFICANT
 
 # Numerical: commands of both wheels that differ by no more than this share of the largest are alike.
@@ -42,6 +43,15 @@ def angles_known(case: Case) -> bool:
     """
     pendulum = case.robot.axis is not None and case.robot.axis.kind == "pendulum"
     return pendulum or len(case.runs) == 1 or logged(case, "th")
+
+
+def measured_turns(case: Case, side: str) -> float:
+    """Turns between the lowest and the highest angle of a side's wheel in all runs; infinite where no sensor says."""
+    known = [log for log in case.runs if log.has(f"th_{side}") or log.has(f"w_{side}")]
+    if not known:
+        return math.inf
+    angles = np.concatenate([measured_angle(log, side, 0.0) for log in known])
+    return float(np.ptp(angles)) / (2.0 * math.pi)
 
 
 def _straight(case: Case) -> bool:

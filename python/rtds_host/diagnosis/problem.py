@@ -15,6 +15,7 @@ import numpy as np
 
 from rtds_host.contract import Case, RunLog
 from rtds_host.diagnosis import gap as gaps
+from rtds_host.diagnosis.conditions import measured_turns
 from rtds_host.diagnosis.effects import Effect, catalogue
 from rtds_host.diagnosis.gate.cuts import start_row
 from rtds_host.diagnosis.likelihood import Likelihood
@@ -203,6 +204,11 @@ class Problem:
 
     def _prepared(self, log: RunLog, inputs: tuple[np.ndarray, ...]) -> RunData:
         return prepared(log, inputs, self.robot, self.block_s)
+
+    @functools.cached_property
+    def turns(self) -> dict[str, float]:
+        """Turns of each side's wheel in the runs, see `measured_turns`."""
+        return {side: measured_turns(self.case, side) for side in self.robot.sides}
 
     @property
     def threads(self) -> int:

@@ -24,22 +24,24 @@ BINS, LINES, LONGEST = 6, 4, 2**21
 # Numerical: cycles about a peak that belong to it, and the power that a peak needs for a fit to be started there, in
 # that of white noise; the fit decides.
 PEAK_CYCLES, LEAST_POWER = 1.0, 8.0
+# Physical: what is periodic was the same in another period.
+FEWEST_PERIODS = 2.0
 # Numerical: how far off a found ripple neighbours are tried, in cycles a turn and in phase, rad.
 NEIGHBOURS, PHASES = (-0.08, -0.05, -0.03, -0.02, -0.01, 0.0, 0.01, 0.02, 0.03, 0.05, 0.08), (-0.5, 0.0, 0.5)
 
 
 @dataclass(frozen=True)
 class Spectrum:
-    """Power (n,), in units of white noise's mean, over cycles a turn (n,); turns: by which the wheel turned."""
+    """Power (n,), in units of white noise's mean, over cycles a turn (n,)."""
 
     cycles: np.ndarray
     power: np.ndarray
-    turns: float
 
-    def unresolved(self) -> set[float]:
-        """Cycles a turn of which the wheel made one at most, each twice the last: a spectrum has no line for these."""
-        count = 1 + math.floor(math.log2(1.0 / self.turns)) if 0.0 < self.turns <= 1.0 else 0
-        return {2.0**n for n in range(count) if 2.0**n <= MOST_CYCLES}
+
+def comes_back(problem: Problem, side: str, cycles: float) -> bool:
+    """Whether runs show that a ripple comes back. Over fewer periods it can be any function of the angle."""
+    sides = problem.robot.sides if side == "both" else (side[0],)
+    return cycles * max(problem.turns[one] for one in sides) >= FEWEST_PERIODS
 
 
 def _channels(problem: Problem, suffix: str) -> list[str]:
@@ -90,7 +92,6 @@ def spectra(problem: Problem, outs: list[np.ndarray]) -> dict[str, Spectrum]:
         return {}
     low = min(float(angle.min()) for angle in angles)
     span = max(float(angle.max()) for angle in angles) - low
-    turns = span / (2.0 * math.pi)
     # A turn at least: of less, the number of cycles means nothing.
     span = max(span, 2.0 * math.pi)
     count = min(2 ** math.ceil(math.log2(LINES * span / (2.0 * math.pi) * BINS * MOST_CYCLES)), LONGEST)
@@ -105,9 +106,9 @@ def spectra(problem: Problem, outs: list[np.ndarray]) -> dict[str, Spectrum]:
     for name, series in sides.items():
         powers = [_power(angle - low, value, width, count)[shown] for angle, value in series]
         if powers:
-            result[name] = Spectrum(cycles[shown], np.mean(powers, axis=0), turns)
+            result[name] = Spectrum(cycles[shown], np.mean(powers, axis=0))
     if len(result) == 2:
-        result["both"] = Spectrum(cycles[shown], 0.5 * (result["left"].power + result["right"].power), turns)
+        result["both"] = Spectrum(cycles[shown], 0.5 * (result["left"].power + result["right"].power))
     return result
 
 
@@ -150,15 +151,11 @@ def neighbours(values: dict[str, float], angle: float) -> list[dict[str, float]]
 def starts(
     problem: Problem, outs: list[np.ndarray], effects: Iterable[str], peaks: int = 2
 ) -> dict[tuple[str, str], list[dict]]:
-    """Parameter sets of periodic effects for the screening, by (effect, side): each peak and each number of cycles
-    that is too small for one, with two phases.
-    """
+    """Parameter sets of periodic effects for the screening, by (effect, side): each peak, with two phases."""
     found: dict[str, set[float]] = {"left": set(), "right": set()}
     lines = spectra(problem, outs)
     for name, spectrum in lines.items():
         power = spectrum.power.copy()
-        for side in ("left", "right") if name == "both" else (name,):
-            found[side] |= spectrum.unresolved()
         for _ in range(peaks):
             k = int(np.argmax(power))
             if power[k] < LEAST_POWER:

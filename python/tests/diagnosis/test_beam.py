@@ -1,4 +1,4 @@
-"""The beam's starts for resonances and ripples, and what it keeps."""
+"""The beam's starts for resonances, what it keeps, and what is no cause."""
 
 from dataclasses import replace
 
@@ -7,11 +7,13 @@ import pytest
 from axis_machine import NOISE, write_axis_case
 
 from rtds_host.contract import Case, read_case
+from rtds_host.diagnosis.practically_indistinguishable import practically_indistinguishable
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.search.beam import additions, confused, screenings
 from rtds_host.diagnosis.search.driver import Search
 from rtds_host.diagnosis.search.screening import further_starts
+from rtds_host.diagnosis.search.store import SHOWN_ONCE
 from rtds_host.plant.schema import OUTPUT_INDEX
 
 SPRING, DELAY, RIPPLE = ("gear_compliance", "left"), ("command_delay", "both"), ("torque_ripple", "left")
@@ -55,17 +57,32 @@ def test_a_resonance_is_tried_at_its_stiffness_though_alone_it_is_out_of_phase(s
     assert any(stiffness.value(one.u[0]) == pytest.approx(STIFFNESS, rel=0.3) for one in tried)
 
 
-def test_a_ripple_of_which_runs_show_less_than_a_cycle_is_tried(tmp_path):
-    """Over a part of a turn no spectrum has a line at the right number of cycles."""
+@pytest.mark.parametrize(
+    ("channels", "cycles", "why"),
+    [
+        (("th_l", "w_l"), 3.0, SHOWN_ONCE),
+        (("w_l",), 3.0, SHOWN_ONCE),
+        (("th_l", "w_l"), 30.0, None),
+        (("w_l",), 30.0, None),
+        ((), 3.0, None),
+    ],
+    ids=["a part", "a part, by speed", "several", "several, by speed", "nobody knows"],
+)
+def test_a_ripple_is_a_cause_where_runs_show_that_it_comes_back(tmp_path, channels, cycles, why):
+    """Over a fifth of a turn, three cycles a turn are two thirds of a period, which any torque over the angle fits."""
     case = read_case(write_axis_case(tmp_path / "case", "inertia", "torque", seconds=2.0))
-    short = [replace(log, columns={**log.columns, "v_cmd_l": 0.03 * log.columns["v_cmd_l"]}) for log in case.runs]
-    rippled = altered(replace(case, runs=tuple(short)), ripple=0.001, ripple_cycles=3.0, ripple_phase=0.5)
+    slowly = [replace(log, columns={**log.columns, "v_cmd_l": 0.03 * log.columns["v_cmd_l"]}) for log in case.runs]
+    rippled = altered(replace(case, runs=tuple(slowly)), ripple=0.001, ripple_cycles=cycles, ripple_phase=0.5)
     assert 0.1 < np.ptp([log.columns["th_l"] for log in rippled.runs]) / (2.0 * np.pi) < 1.0 / 3.0
-    search = Search(Problem(rippled, 1), quick=True)
-    nothing = search.begin()
-    starts = further_starts(search.store, nothing)[RIPPLE]
-    assert {1.0, 2.0, 4.0} < {one["cycles_per_rev"] for one in starts}
-    assert any(one.hypothesis == (RIPPLE,) for one in additions(search, nothing, screenings(search, nothing)(nothing)))
+    kept = tuple(
+        replace(log, columns={c: v for c, v in log.columns.items() if c in (*channels, "v_cmd_l")})
+        for log in rippled.runs[:1]
+    )
+    search = Search(Problem(replace(rippled, runs=kept), 1), quick=True)
+    effect = search.store.effects[RIPPLE[0]]
+    size = {p.name: p.null for p in effect.parameters} | {"amplitude_nm": 0.001, "cycles_per_rev": cycles}
+    fit = replace(search.begin(), hypothesis=(RIPPLE,), u=effect.scaled(size))
+    assert search.store.refused(fit).get(RIPPLE) == why
 
 
 @pytest.mark.parametrize(("mode", "tried"), [("speed", [{"ratio": 0.5}, {"ratio": 2.0}]), ("voltage", None)])
@@ -102,3 +119,21 @@ def test_explanations_that_differ_by_effects_confused_with_each_other_are_one_in
     assert confused(search.store, coulomb, load)
     assert not confused(search.store, coulomb, gain)
     assert not confused(search.store, coulomb, one(("coulomb_friction", "left"), ("driver_gain", "left")))
+
+
+def test_a_rival_whose_further_parameter_is_at_rest_has_no_more_parameters(tmp_path):
+    """A lag may have a dead time, too. Without any it leaves as little as a delay, by one number as well."""
+    case = read_case(write_axis_case(tmp_path / "case", "inertia", "torque", seconds=2.0))
+    lagged = altered(case, speed_tau=0.02, coulomb=0.02)
+    speed_alone = tuple(
+        replace(log, columns={c: v for c, v in log.columns.items() if c != "th_l"}) for log in lagged.runs
+    )
+    search = Search(Problem(replace(lagged, runs=speed_alone), 1), quick=True)
+    nothing, late = search.begin(), ("measurement_delay", "both")
+    size = search.store.effects[late[0]].scaled({"seconds": 0.02})
+    fit = search.store.try_fit((late,), size, nothing)
+    lag = search.store.try_fit((("speed_filter", "left"),), np.array([0.02, 0.0]) / 0.02, nothing)
+    assert not search.store.within_noise(fit)
+    assert len(lag.u) == 2 and lag.values[0]["delay_s"] == 0.0
+    ((_, *others),), _ = practically_indistinguishable(search, fit, [(late, nothing)])
+    assert ("speed_filter", "left") in others

@@ -278,12 +278,12 @@ def following(inputs: tuple[np.ndarray, ...], log: RunLog) -> tuple[np.ndarray, 
     """The inputs of a run, or of a piece of it, with a ripple that follows the measured angles."""
     t_cmd, start = inputs[1], inputs[6]
     angle = np.column_stack(
-        [np.interp(t_cmd, log.t - log.t[0], _angle(log, side, start[3 + k])) for k, side in enumerate("lr")]
+        [np.interp(t_cmd, log.t - log.t[0], measured_angle(log, side, start[3 + k])) for k, side in enumerate("lr")]
     )
     return (*inputs[:4], angle, *inputs[5:])
 
 
-def _angle(log: RunLog, side: str, start: float) -> np.ndarray:
+def measured_angle(log: RunLog, side: str, start: float) -> np.ndarray:
     """A wheel's measured angle at the rows (n,), rad, or what its measured speed adds up to; `start` without either."""
     th, w = log.columns.get(f"th_{side}"), log.columns.get(f"w_{side}")
     if th is not None and np.isfinite(th).sum() > 1:

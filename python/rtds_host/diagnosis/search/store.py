@@ -10,6 +10,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from rtds_host.diagnosis import ripple
 from rtds_host.diagnosis.evidence import CONVINCING, enough_to_extend, excess, likelihood_gain, log_odds
 from rtds_host.diagnosis.fit import (
     ITERATIONS,
@@ -36,6 +37,7 @@ FAR, ROUGHLY = 200.0, 20.0
 # Why an effect is no cause at the size that was fitted.
 AT_BOUND = "has a size at the end of what is searched"
 ABSENT = "has a size of nothing"
+SHOWN_ONCE = "comes back too seldom in these runs: it could be any function of the angle"
 TOLERATED = "lies within the tolerance of its constant"
 
 
@@ -89,7 +91,7 @@ class Store:
         """Effects of an explanation that are no cause at their size, and why.
 
         A size at its bound replaces something else, and one of nothing is no effect. A ratio within three sigmas of the
-        tolerance of R, K, J or B is a nuisance (contract, section 2).
+        tolerance of R, K, J or B is a nuisance (contract, section 2). What is periodic comes back.
         """
         robot, found = self.problem.robot, {}
         for cause, values in zip(fit.hypothesis, fit.values):
@@ -102,6 +104,8 @@ class Store:
                 abs(values[p.name] - 1.0) <= band(robot, p.of) for p in effect.parameters if p.name == "ratio" and p.of
             ):
                 found[cause] = TOLERATED
+            elif effect.periodic and not ripple.comes_back(self.problem, cause[1], values[effect.parameters[1].name]):
+                found[cause] = SHOWN_ONCE
         return found
 
     def best(self) -> Fit:
