@@ -238,6 +238,10 @@ STOP_NM_S_PER_RAD = 0.8
 STOP_REDUCED_KG_M2 = 2.07e-5 * (258.5**2 * 1.0e-7) / (2.07e-5 + 258.5**2 * 1.0e-7)
 
 
+class Diverged(RuntimeError):
+    """A world's integration became unstable: what it wrote is no robot's log."""
+
+
 @njit(cache=True)
 def simulate(
     times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, period_rows, gains, events, seed, curves

@@ -115,10 +115,6 @@ class Machine:
                 self.side[SIDE_NAMES.index(name), s] *= ratio
 
 
-class Diverged(RuntimeError):
-    """A world's integration became unstable: what it wrote is no robot's log."""
-
-
 def step_for(motor) -> float:
     """Longest step of `STEPS_S` that is a hundredth of the rotor's own mechanical time constant or less."""
     lag = (

@@ -29,7 +29,7 @@ from pathlib import Path
 import numpy as np
 
 from rtds_host.blind.cases import KINDS, TIERS, WORLDS, draw_spec, make_case
-from rtds_host.blind.planar import Diverged
+from rtds_host.blind.kernel import Diverged
 from rtds_host.cleanup import run_supervised, temporary_folder
 from rtds_host.contract import write_atomic
 from rtds_host.errors import InputError

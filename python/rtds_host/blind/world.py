@@ -112,8 +112,8 @@ from rtds_host.blind.kernel import (
     W_VOLTAGE,
     W_WHEEL_INERTIA,
     W_YAW_INERTIA,
+    Diverged,
 )
-from rtds_host.blind.planar import Diverged
 
 STEP_S = 2e-4
 # What MuJoCo counts of positions, speeds and accelerations that are no numbers, or huge.

@@ -108,8 +108,8 @@ class Likelihood:
     def exact_cost(self, residual: np.ndarray) -> float:
         """-2 log likelihood of residuals (N,) itself, which the tangent meets where it is `estimated`; infinite where a
         replay ran away."""
-        squares = _squares(self.groups, residual, len(self.sizes))
-        cost = _log_likelihood(squares, self.sizes, self.samples, CHANCE_SIGMAS)
+        _, _, costs = self._by_group(residual)
+        cost = float(costs.sum())
         return cost if math.isfinite(cost) else math.inf
 
     def blocks(self, residual: np.ndarray, blocks: np.ndarray, count: int) -> np.ndarray:
@@ -119,14 +119,22 @@ class Likelihood:
 
     def estimated(self, residual: np.ndarray) -> Likelihood:
         """The likelihood with the tangent at these residuals (N,), where its cost is exact."""
+        square, unknown, costs = self._by_group(residual)
+        with np.errstate(over="ignore", invalid="ignore"):  # of a replay that ran away
+            constant = costs - self.sizes * square / unknown
+        return Likelihood(self.groups, self.samples, 1.0 / unknown, constant, self.sizes)
+
+    def _by_group(self, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Of each group (m,): the mean square V of residuals (N,), 1 + n (V - V0) / b or 1 where V <= V0, and -2 log
+        likelihood."""
         n = self.sizes
         largest = 1.0 + CHANCE_SIGMAS * np.sqrt(2.0 / n)
         with np.errstate(over="ignore", invalid="ignore"):  # of a replay that ran away
             square = _squares(self.groups, residual, len(n)) / n
             over = np.maximum(square - largest, 0.0)
             unknown = 1.0 + n * over / self.samples
-            cost = np.where(over > 0.0, n * largest + self.samples * np.log(unknown), n * square)
-            return Likelihood(self.groups, self.samples, 1.0 / unknown, cost - n * square / unknown, n)
+            costs = np.where(over > 0.0, n * largest + self.samples * np.log(unknown), n * square)
+        return square, unknown, costs
 
     def curvature(self, jacobian: np.ndarray, white: np.ndarray) -> np.ndarray:
         """What the logarithm takes off the Hessian of the weighted squares, (p, p).
@@ -169,18 +177,6 @@ def _squares(groups, residual, count):
         total += residual[k] * residual[k]
     found[at] += total
     return found
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def _log_likelihood(squares, sizes, samples, sigmas):
-    """-2 log likelihood of groups with these sums of squares (m,), sizes and samples: see the module."""
-    cost = 0.0
-    for k in range(len(squares)):
-        n, b = sizes[k], samples[k]
-        known = n + sigmas * math.sqrt(2.0 * n)
-        over = squares[k] - known
-        cost += known + b * math.log(1.0 + over / b) if over > 0.0 else squares[k]
-    return cost
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")

@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from rtds_host.blind import cases, planar, score, seal
+from rtds_host.blind import cases, kernel, score, seal
 from rtds_host.contract import read_case
 from rtds_host.errors import InputError
 
@@ -164,7 +164,7 @@ def test_a_case_that_becomes_unstable_is_drawn_again(tmp_path, monkeypatch):
         specs.append(spec)
         if len(specs) == 1:
             (folder / "begun").mkdir(parents=True)
-            raise planar.Diverged("unstable")
+            raise kernel.Diverged("unstable")
         spec["runs"], spec["held_out"] = [dict(spec["runs"][0], duration=2.0)], []
         return whole(number, spec, folder, **rest)
 

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from rtds_host.blind import cases, planar, scales, vocabulary, world
+from rtds_host.blind import cases, kernel, planar, scales, vocabulary, world
 from rtds_host.blind.gap import channel_gaps, total
 from rtds_host.contract import builtin_robot, read_case
 
@@ -79,7 +79,7 @@ def test_a_run_that_became_unstable_is_none(tmp_path, monkeypatch):
     play, spring = {"angle_rad": 0.05}, {"stiffness_nm_per_rad": 5000.0, "damping_nm_s_per_rad": 0.01}
     for name, parameters in (("backlash", play), ("gear_compliance", spring)):
         planar.apply_effect(machine, {"id": name, "parameters": parameters, "side": "both"})
-    with pytest.raises(planar.Diverged, match="unstable"):
+    with pytest.raises(kernel.Diverged, match="unstable"):
         drive(machine, "mujoco", seconds=1.0)
 
 

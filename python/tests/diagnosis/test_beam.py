@@ -4,36 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from axis_machine import NOISE, write_axis_case
+from axis_machine import write_axis_case
+from replayed_case import altered
 
-from rtds_host.contract import Case, read_case
-from rtds_host.diagnosis.practically_indistinguishable import practically_indistinguishable
+from rtds_host.contract import read_case
 from rtds_host.diagnosis.problem import Problem
-from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.search.beam import additions, confused, screenings
 from rtds_host.diagnosis.search.driver import Search
 from rtds_host.diagnosis.search.screening import further_starts
 from rtds_host.diagnosis.search.store import SHOWN_ONCE
-from rtds_host.plant.schema import OUTPUT_INDEX
 
 SPRING, DELAY, RIPPLE = ("gear_compliance", "left"), ("command_delay", "both"), ("torque_ripple", "left")
 STIFFNESS = 8.0
-
-
-def altered(case: Case, **quantities: float) -> Case:
-    """The case's runs by a machine that has these quantities more."""
-    model = nominal_model(case.robot)
-    for name, value in quantities.items():
-        model.add(name, value)
-    rng, runs = np.random.default_rng(5), []
-    for log in case.runs:
-        out = replay_run(model, run_inputs(log, case.robot))
-        seen = {
-            channel: out[:, OUTPUT_INDEX[channel]] + noise * rng.standard_normal(len(log.t))
-            for channel, noise in (("w_l", NOISE["w_rad_s"]), ("th_l", NOISE["th_rad"]))
-        }
-        runs.append(replace(log, columns={**log.columns, **seen}))
-    return replace(case, runs=tuple(runs))
 
 
 @pytest.fixture(scope="module")
@@ -119,21 +101,3 @@ def test_explanations_that_differ_by_effects_confused_with_each_other_are_one_in
     assert confused(search.store, coulomb, load)
     assert not confused(search.store, coulomb, gain)
     assert not confused(search.store, coulomb, one(("coulomb_friction", "left"), ("driver_gain", "left")))
-
-
-def test_a_rival_whose_further_parameter_is_at_rest_has_no_more_parameters(tmp_path):
-    """A lag may have a dead time, too. Without any it leaves as little as a delay, by one number as well."""
-    case = read_case(write_axis_case(tmp_path / "case", "inertia", "torque", seconds=2.0))
-    lagged = altered(case, speed_tau=0.02, coulomb=0.02)
-    speed_alone = tuple(
-        replace(log, columns={c: v for c, v in log.columns.items() if c != "th_l"}) for log in lagged.runs
-    )
-    search = Search(Problem(replace(lagged, runs=speed_alone), 1), quick=True)
-    nothing, late = search.begin(), ("measurement_delay", "both")
-    size = search.store.effects[late[0]].scaled({"seconds": 0.02})
-    fit = search.store.try_fit((late,), size, nothing)
-    lag = search.store.try_fit((("speed_filter", "left"),), np.array([0.02, 0.0]) / 0.02, nothing)
-    assert not search.store.within_noise(fit)
-    assert len(lag.u) == 2 and lag.values[0]["delay_s"] == 0.0
-    ((_, *others),), _ = practically_indistinguishable(search, fit, [(late, nothing)])
-    assert ("speed_filter", "left") in others

@@ -1,14 +1,20 @@
-"""Which effects are indistinguishable in principle is in the effects' own files, alike in both of a pair."""
+"""Which effects are indistinguishable: in principle, as the effects' own files say, alike in both of a pair; and on the
+runs of a case, where one fits as well in the other's place.
+"""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from axis_machine import write_axis_case
+from replayed_case import altered
 
 from rtds_host.contract import Case, Driver, RunLog, RunMeta, Servo, builtin_robot, read_case
 from rtds_host.diagnosis.effects import CATALOGUE, SIDES, catalogue
+from rtds_host.diagnosis.practically_indistinguishable import practically_indistinguishable
+from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
+from rtds_host.diagnosis.search.driver import Search
 from rtds_host.diagnosis.structurally_indistinguishable import (
     nearly_indistinguishable,
     scale_all,
@@ -101,3 +107,21 @@ def test_a_scale_of_the_command_and_of_all_that_is_measured_is_one_scale_too_man
 def test_the_weight_of_a_pendulum_tells_a_scale_of_everything_from_none(tmp_path):
     gains = [(name, "left") for name in ("driver_gain", "speed_gain", "current_gain")]
     assert not scale_all(axis_case(tmp_path, "pendulum"), gains)
+
+
+def test_a_rival_whose_further_parameter_is_at_rest_has_no_more_parameters(tmp_path):
+    """A lag may have a dead time, too. Without any it leaves as little as a delay, by one number as well."""
+    case = read_case(write_axis_case(tmp_path / "case", "inertia", "torque", seconds=2.0))
+    lagged = altered(case, speed_tau=0.02, coulomb=0.02)
+    speed_alone = tuple(
+        replace(log, columns={c: v for c, v in log.columns.items() if c != "th_l"}) for log in lagged.runs
+    )
+    search = Search(Problem(replace(lagged, runs=speed_alone), 1), quick=True)
+    nothing, late = search.begin(), ("measurement_delay", "both")
+    size = search.store.effects[late[0]].scaled({"seconds": 0.02})
+    fit = search.store.try_fit((late,), size, nothing)
+    lag = search.store.try_fit((("speed_filter", "left"),), np.array([0.02, 0.0]) / 0.02, nothing)
+    assert not search.store.within_noise(fit)
+    assert len(lag.u) == 2 and lag.values[0]["delay_s"] == 0.0
+    ((_, *others),), _ = practically_indistinguishable(search, fit, [(late, nothing)])
+    assert ("speed_filter", "left") in others
