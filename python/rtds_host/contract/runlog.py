@@ -24,6 +24,7 @@ from rtds_host.errors import LONGEST_VALUE, InputError, brief, did_you_mean, lis
 
 if TYPE_CHECKING:
     import pandas
+    import pyarrow as pa
     import pyarrow.parquet as pq
 
 SCHEMA = "rtds-run/1"
@@ -385,7 +386,8 @@ def _block(path: Path, names: list[str], wanted: list[str], lines: list[str], nu
                     include_columns=wanted, null_values=[""], column_types={name: pa.float64() for name in wanted}
                 ),
             )
-            result = np.column_stack([table.column(name).to_numpy() for name in wanted])
+            chunks = [table.column(name).chunks for name in wanted]
+            result = np.column_stack([np.concatenate([np.empty(0), *map(_doubles, each)]) for each in chunks])
             empty = sum(table.column(name).null_count for name in wanted)
             if table.num_rows == len(lines) and np.isfinite(result).sum() == result.size - empty:
                 return result
@@ -416,6 +418,17 @@ def _block(path: Path, names: list[str], wanted: list[str], lines: list[str], nu
                 )
             result[k, j] = value
     return result
+
+
+def _doubles(array: pa.DoubleArray) -> np.ndarray:
+    """Arrow's doubles (n,), NaN where there are none. Its own `to_numpy` loads pandas where that is installed."""
+    there, values = array.buffers()
+    count, offset = len(array), array.offset
+    found = np.frombuffer(values, float, offset + count)[offset:] if values else np.full(count, math.nan)
+    if there is None or not array.null_count:
+        return found
+    bits = np.unpackbits(np.frombuffer(there, np.uint8), count=offset + count, bitorder="little")[offset:]
+    return np.where(bits, found, math.nan)
 
 
 def _cells(path: Path, number: int, line: str) -> list[str]:
@@ -487,8 +500,7 @@ def _unpacked(path: Path, file: pq.ParquetFile, wanted: list[str]) -> dict[str, 
         part = slice(done, done + batch.num_rows)
         for name in wanted:
             # Integers of nanoseconds are no doubles to the last digit.
-            values = batch.column(name).cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)
-            columns[name][part] = values
+            columns[name][part] = _doubles(batch.column(name).cast(pa.float64(), safe=False))
         done = part.stop
         if "t" in columns:
             _check_times(path, columns["t"][max(part.start - 1, 0) : done], np.arange(max(part.start, 1), done + 1))

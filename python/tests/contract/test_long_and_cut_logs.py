@@ -214,3 +214,22 @@ def test_a_log_of_half_a_million_rows_is_read_within_bounded_memory(run):
     done = subprocess.run([sys.executable, "-c", code, str(run)], capture_output=True, text=True, check=True)
     number, kib = map(int, done.stdout.split())
     assert number == count and kib < 120_000
+
+
+@pytest.mark.parametrize("form", ["csv", "parquet"])
+def test_reading_a_log_loads_no_pandas(tmp_path, form):
+    """It is no dependency. Where it is installed, Arrow's own way to NumPy would load it, which takes longer than many
+    logs; cells without a sample are NaN all the same."""
+    t = np.arange(50) * 0.01
+    w = np.where(np.arange(50) % 3 == 0, np.nan, np.sin(t))
+    write_run(tmp_path / "run", RunMeta("x"), {"t": t, "v_cmd_l": t, "v_cmd_r": t, "w_l": w}, form=form)
+    code = (
+        "import sys; from rtds_host.contract import read_run\n"
+        "print(*read_run(sys.argv[1]).columns['w_l'].tolist(), 'pandas' in sys.modules)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(tmp_path / "run")], capture_output=True, text=True, check=True
+    )
+    *values, loaded = done.stdout.split()
+    np.testing.assert_allclose(np.array(values, float), w, rtol=1e-6)
+    assert loaded == "False"

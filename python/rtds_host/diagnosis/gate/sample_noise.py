@@ -11,7 +11,6 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy.optimize import brentq
 
 from rtds_host.contract import Case
 from rtds_host.diagnosis.gap import gap_channels
@@ -23,6 +22,8 @@ from rtds_host.plant.schema import OUTPUT_INDEX
 NOISE_ROWS = 20
 # Numerical: the median over blocks of the root mean square of third differences of unit white noise, over sqrt(20).
 MEDIAN_OF_WHITE = 0.958
+# Numerical: an excess of the logarithm that counts as none.
+CONVERGED = 1e-12
 
 
 def sample_noise(case: Case, replays: Sequence[np.ndarray] | None = None) -> dict[str, float]:
@@ -56,8 +57,10 @@ def _by_block(samples: np.ndarray) -> np.ndarray:
     """One standard deviation of white noise in each block of some samples (n,): (blocks,)."""
     with np.errstate(over="ignore", invalid="ignore"):  # of a replay that ran away
         third = np.diff(samples, 3) / (math.sqrt(20.0) * MEDIAN_OF_WHITE)
-        blocks = np.array_split(third, len(third) // NOISE_ROWS)
-        return np.array([math.sqrt(np.mean(np.square(block))) for block in blocks])
+        # As `np.array_split` parts them: the first ones have a row more than the last.
+        count = len(third) // NOISE_ROWS
+        rows = np.full(count, len(third) // count) + (np.arange(count) < len(third) % count)
+        return np.sqrt(np.add.reduceat(np.square(third), np.cumsum(rows) - rows) / rows)
 
 
 def noise_ratio(case: Case, rounding: Mapping[str, float], replays: Sequence[np.ndarray] | None = None) -> float:
@@ -80,13 +83,21 @@ def noise_ratio(case: Case, rounding: Mapping[str, float], replays: Sequence[np.
     squares = [(case.robot.known_noise(c) / size) ** 2 for c, size in shown.items()]
     rounded = [(rounding.get(c, 0.0) / size) ** 2 for c, size in shown.items()]
 
-    def excess(log_ratio: float) -> float:
-        """The mean logarithm of the squared noise with this ratio over that of the samples; it rises."""
+    def excess(log_ratio: float) -> tuple[float, float]:
+        """The mean logarithm of the squared noise with this ratio over that of the samples, and its slope."""
         factor = math.exp(2.0 * log_ratio)
-        return sum(math.log(factor * s + r) for s, r in zip(squares, rounded)) / len(squares)
+        scaled = [factor * s for s in squares]
+        mean = sum(math.log(s + r) for s, r in zip(scaled, rounded)) / len(squares)
+        return mean, 2.0 * sum(s / (s + r) for s, r in zip(scaled, rounded)) / len(squares)
 
-    # Without rounding this ratio is exact, with it too large. Rounding alone may be more than what samples show, where
-    # they move by less than a step from row to row: the declared noise is then a slight part.
+    # Without rounding this ratio is exact, with it too large: the excess rises and is convex, so that Newton's steps
+    # never go too far. Rounding alone may be more than what samples show, where they move by less than a step from row
+    # to row: the declared noise is then a slight part.
     unrounded = -0.5 * sum(map(math.log, squares)) / len(squares)
-    least = unrounded + math.log(MINOR_SHARE)
-    return math.exp(least if excess(least) > 0.0 else brentq(excess, least, unrounded + 1.0))
+    log_ratio, least = unrounded, unrounded + math.log(MINOR_SHARE)
+    while log_ratio > least:
+        above, slope = excess(log_ratio)
+        if above <= CONVERGED:
+            break
+        log_ratio -= above / slope
+    return math.exp(max(log_ratio, least))

@@ -16,7 +16,6 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import isotonic_regression
 
 from rtds_host.contract import Case, RunLog
 from rtds_host.diagnosis.gate.findings import Finding
@@ -101,6 +100,8 @@ def even_times(t: np.ndarray, known_hz: float | None = None) -> np.ndarray | Non
     found = _grid(t, known_hz)
     if found is None:
         return None
+    from scipy.optimize import isotonic_regression  # a tenth of a second, which few cases have to spend
+
     count = np.arange(len(t))
     place = found[0] * t + found[1]
     for _ in range(2):
