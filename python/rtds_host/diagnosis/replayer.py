@@ -28,6 +28,8 @@ WAITING, WHITENED, ITERATED = 3.0, 0.35, 1.6
 SHORT = 1e5
 # Numerical: into how many shares the runs of models that go alone are parted, for all cores.
 SHARES = 8
+# Numerical: how often a share of the models fills all lanes.
+LANES = 4
 # Numerical: starts whose inputs are kept: the one that is searched, and those that it is compared with.
 STARTS_KEPT = 4
 
@@ -74,9 +76,6 @@ class Replayer:
             for mine in shares
         )
         if batched:
-            # Lanes are to be full, and shares for all cores, but none so large that its replays leave the cache.
-            lanes = len(batched) * len(runs) // SIMD_WIDTH
-            count = min(len(batched), max(lanes // 4, min(lanes, threads), 1))
             jobs.extend(
                 functools.partial(
                     _together,
@@ -87,7 +86,7 @@ class Replayer:
                     [found[k] for k in part],
                     [steps[k] for k in part],
                 )
-                for part in np.array_split(batched, count)
+                for part in np.split(batched, shares_of(len(batched), len(runs), threads))
             )
 
         def do_jobs() -> None:
@@ -158,6 +157,19 @@ class Replayer:
             for robot in (self.robot, self.robot.as_declared)
         )
         return shown, declared
+
+
+def shares_of(models: int, runs: int, threads: int) -> list[int]:
+    """Where shares of models begin that are replayed on all runs, but for the first: lanes are to be full, and shares
+    for all cores, but none so large that its replays leave the cache."""
+    lanes = models * runs // SIMD_WIDTH
+    count = min(models, max(lanes // LANES, min(lanes, threads), 1))
+    size = math.ceil(models / count)
+    if count > threads:
+        # So many fill all lanes to the end, where runs are of one length.
+        full = SIMD_WIDTH // math.gcd(runs, SIMD_WIDTH)
+        size = max(size - size % full, min(full, models))
+    return list(range(size, models, size))
 
 
 def _taken(models: Sequence[Model], steps: Sequence[float], runs: Sequence[RunData]) -> float:

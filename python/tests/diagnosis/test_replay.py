@@ -28,6 +28,8 @@ from rtds_host.diagnosis.replay.model import (
     run_inputs,
     stretch_inputs,
 )
+from rtds_host.diagnosis.replay.simd import SIMD_WIDTH
+from rtds_host.diagnosis.replayer import shares_of
 from rtds_host.diagnosis.residual import CHANNELS, run_residual
 from rtds_host.diagnosis.screen import available, start_values
 from rtds_host.plant import forms
@@ -524,6 +526,17 @@ def test_what_an_effect_changes_is_seen_by_longer_steps_too():
     ):
         change = short - base
         assert np.linalg.norm(change - (long - long_base)) <= 0.2 * np.linalg.norm(change), m
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("runs", range(1, 10))
+def test_shares_of_models_are_all_models_and_fill_the_lanes(runs, threads):
+    """But for the last share, where there are more shares than cores."""
+    for models in range(1, 100):
+        shares = np.split(np.arange(models), shares_of(models, runs, threads))
+        assert np.concatenate(shares).tolist() == list(range(models)) and all(map(len, shares))
+        if len(shares) > threads:
+            assert all(len(share) * runs % SIMD_WIDTH == 0 for share in shares[:-1])
 
 
 @pytest.mark.parametrize("late", [0.004, -0.004, 0.0137, 50.0, -50.0])

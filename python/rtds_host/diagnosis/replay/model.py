@@ -70,26 +70,31 @@ class Model:
         """An independent copy whose runs begin otherwise."""
         return Model(self.side.copy(), self.common.copy(), self.forms.copy(), start)
 
-    def _entry(self, name: str, sides: tuple[int, ...]) -> tuple[np.ndarray, Any]:
-        """Where an entry is, of the given sides if it has sides: the array and the place in it."""
-        if name in SIDE_INDEX:
-            return self.side, (slice(sides[0], sides[-1] + 1), SIDE_INDEX[name])
-        return self.common, COMMON_INDEX[name]
+    def _entries(self, name: str, sides: tuple[int, ...]) -> tuple[np.ndarray, Sequence[Any]]:
+        """Where an entry is, of the given sides if it has sides: the array and the places in it, one by one, since a
+        slice of two takes longer."""
+        at = SIDE_INDEX.get(name)
+        if at is None:
+            return self.common, (COMMON_INDEX[name],)
+        return self.side, [(side, at) for side in sides]
 
     def scale(self, name: str, factor: float, sides: tuple[int, ...] = (0, 1)) -> None:
         """Multiply an entry, of the given sides if it has sides."""
-        values, place = self._entry(name, sides)
-        values[place] *= factor
+        values, places = self._entries(name, sides)
+        for place in places:
+            values[place] *= factor
 
     def add(self, name: str, value: float, sides: tuple[int, ...] = (0, 1)) -> None:
         """Add to an entry, of the given sides if it has sides."""
-        values, place = self._entry(name, sides)
-        values[place] += value
+        values, places = self._entries(name, sides)
+        for place in places:
+            values[place] += value
 
     def put(self, name: str, value: float, sides: tuple[int, ...] = (0, 1)) -> None:
         """Set an entry, of the given sides if it has sides."""
-        values, place = self._entry(name, sides)
-        values[place] = value
+        values, places = self._entries(name, sides)
+        for place in places:
+            values[place] = value
 
     def declare(self, **values: float) -> None:
         """Set several entries, of both sides where they have sides."""
@@ -383,33 +388,37 @@ def _on_clocks(model: Model, t: np.ndarray, rows: np.ndarray, out: np.ndarray) -
     """Let replays' outputs (n, 11) at times t (n,) come from the clocks of their devices; rows : where runs begin, and
     where the last one ends.
     """
-    for quantity, columns in CLOCKS.items():
-        if delay_s := model.get(quantity):
-            _delay(t, rows, delay_s, out, columns.start, columns.stop)
+    late = [(delay_s, part) for quantity, part in CLOCKS.items() if (delay_s := model.get(quantity))]
+    if late:
+        columns = np.array([(part.start, part.stop) for _, part in late])
+        _delay(t, rows, np.array([delay_s for delay_s, _ in late]), out, columns)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _delay(t, rows, delay_s, out, begin, end):
-    """Let the columns from `begin` to `end` of `out` (n, 11) at times t (n,) be those of `delay_s` earlier, as
+def _delay(t, rows, delays_s, out, columns):
+    """Let some `columns` (m, 2), from and to, of `out` (n, 11) at times t (n,) be those of `delays_s` (m,) earlier, as
     `np.interp` has them, run by run. A negative delay is that of the others.
     """
     for r in range(len(rows) - 1):
         first, last = rows[r], rows[r + 1]
-        # From the end on where values come from before, so that these are not overwritten yet.
-        row = last - 1 if delay_s > 0.0 else first
-        for i in range(last - 1, first - 1, -1) if delay_s > 0.0 else range(first, last):
-            at = t[i] - delay_s
-            while delay_s > 0.0 and row > first and t[row] > at:
-                row -= 1
-            while delay_s < 0.0 and row + 1 < last and t[row + 1] <= at:
-                row += 1
-            if at > t[row] and row + 1 < last:
-                span, past = t[row + 1] - t[row], at - t[row]
-                for k in range(begin, end):
-                    out[i, k] = out[row, k] + (out[row + 1, k] - out[row, k]) / span * past
-            else:
-                for k in range(begin, end):
-                    out[i, k] = out[row, k]
+        # One device after the other of a run, which stays in the cache.
+        for n in range(len(delays_s)):
+            delay_s, begin, end = delays_s[n], columns[n, 0], columns[n, 1]
+            # From the end on where values come from before, so that these are not overwritten yet.
+            row = last - 1 if delay_s > 0.0 else first
+            for i in range(last - 1, first - 1, -1) if delay_s > 0.0 else range(first, last):
+                at = t[i] - delay_s
+                while delay_s > 0.0 and row > first and t[row] > at:
+                    row -= 1
+                while delay_s < 0.0 and row + 1 < last and t[row + 1] <= at:
+                    row += 1
+                if at > t[row] and row + 1 < last:
+                    span, past = t[row + 1] - t[row], at - t[row]
+                    for k in range(begin, end):
+                        out[i, k] = out[row, k] + (out[row + 1, k] - out[row, k]) / span * past
+                else:
+                    for k in range(begin, end):
+                        out[i, k] = out[row, k]
 
 
 class ReplayBatch:
