@@ -221,7 +221,7 @@ class Fit:
     def precision(self) -> np.ndarray:
         """Hessian of half the objective, (k + p, k + p)."""
         # In double precision: rounded sums of large squares are more than a prior, and no longer positive definite.
-        jacobian = self.whitened()[1].astype(float)
+        jacobian = self.noise.whitened([*self.by_nuisance.T, *self.by_effect.T], float)
         return jacobian.T @ jacobian + np.diag(prior_weight(self.z, self.u))
 
     @cached_property
@@ -273,7 +273,8 @@ def _damped(hessian: np.ndarray, gradient: np.ndarray, keep: np.ndarray, share: 
     large squares hides the prior that tells them apart. Such a step needs damping.
     """
     step = np.zeros(len(gradient))
-    damped = hessian[np.ix_(keep, keep)] + share * np.diag(np.diag(hessian)[keep])
+    damped = hessian[keep[:, None], keep]
+    damped.flat[:: len(keep) + 1] *= 1.0 + share
     try:
         step[keep] = -np.linalg.solve(damped, gradient[keep])
     except np.linalg.LinAlgError:

@@ -12,6 +12,7 @@ import numpy as np
 
 from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.fit import Fit, parameters, prior_weight
+from rtds_host.diagnosis.likelihood import multiply_into
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import Model, replay_run
 from rtds_host.diagnosis.residual import CHANNELS, RunData, run_residual
@@ -78,7 +79,7 @@ def _normal(
     columns, mine = [*fit.by_nuisance.T, *fit.by_effect.T], root[there]
     jacobian = np.empty((len(rows), len(keep)), order="F")
     for j, into in zip(keep, jacobian.T, strict=True):
-        np.multiply(columns[j][there], mine, out=into)
+        multiply_into(columns[j][there], mine, into)
     return jacobian.T @ jacobian, jacobian.T @ (mine * residual[there])
 
 

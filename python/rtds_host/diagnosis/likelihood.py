@@ -90,12 +90,11 @@ class Likelihood:
     def whiten_into(self, columns: Sequence[np.ndarray], out: Sequence[np.ndarray]) -> None:
         """Weight columns (N,) each into others."""
         root = None if self.root is None else self.root.astype(np.float32)
-        between = np.empty(self.count, np.float32)
         for column, into in zip(columns, out, strict=True):
             if root is None:
                 into[:] = column
             else:
-                into[:] = np.multiply(column, root, out=between, casting="same_kind")
+                multiply_into(column, root, into)
 
     def cost(self, residual: np.ndarray) -> float:
         """-2 log likelihood of residuals (N,) by the tangent, at least that of the likelihood itself; infinite where a
@@ -127,14 +126,8 @@ class Likelihood:
     def _by_group(self, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Of each group (m,): the mean square V of residuals (N,), 1 + n (V - V0) / b or 1 where V <= V0, and -2 log
         likelihood."""
-        n = self.sizes
-        largest = 1.0 + CHANCE_SIGMAS * np.sqrt(2.0 / n)
-        with np.errstate(over="ignore", invalid="ignore"):  # of a replay that ran away
-            square = _squares(self.groups, residual, len(n)) / n
-            over = np.maximum(square - largest, 0.0)
-            unknown = 1.0 + n * over / self.samples
-            costs = np.where(over > 0.0, n * largest + self.samples * np.log(unknown), n * square)
-        return square, unknown, costs
+        square, unknown, within = _mean_squares(self.groups, residual, self.sizes, self.samples)
+        return square, unknown, within + self.samples * np.log(unknown)
 
     def curvature(self, jacobian: np.ndarray, white: np.ndarray) -> np.ndarray:
         """What the logarithm takes off the Hessian of the weighted squares, (p, p).
@@ -164,6 +157,13 @@ class Likelihood:
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
+def multiply_into(column, weights, into):
+    """Fill in a column (N,) times weights (N,), computed in the wider type of the two."""
+    for k in range(len(column)):
+        into[k] = column[k] * weights[k]
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _squares(groups, residual, count):
     """Sum of the squares of residuals (N,) in each of `count` groups (N,), (count,). Rows of a group are neighbours."""
     found = np.zeros(count)
@@ -177,6 +177,22 @@ def _squares(groups, residual, count):
         total += residual[k] * residual[k]
     found[at] += total
     return found
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _mean_squares(groups, residual, sizes, samples):
+    """Of each group (m,): the mean square V of residuals (N,), 1 + n (V - V0) / b or 1 where V <= V0, and n V or n V0,
+    whichever is less."""
+    square = _squares(groups, residual, len(sizes))
+    unknown, within = np.empty(len(sizes)), np.empty(len(sizes))
+    for k in range(len(sizes)):
+        n = sizes[k]
+        square[k] /= n
+        largest = 1.0 + CHANCE_SIGMAS * math.sqrt(2.0 / n)
+        over = square[k] - largest
+        unknown[k] = 1.0 + n * over / samples[k] if over > 0.0 else 1.0
+        within[k] = n * largest if over > 0.0 else n * square[k]
+    return square, unknown, within
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")

@@ -18,7 +18,13 @@ STEPS, ROUGH_STEPS = 6, 4
 
 def renewed(problem: Problem, fit: Fit) -> Fit:
     """A fit with the residuals that it has where nothing follows measured angles."""
-    return replace(fit, residual=problem.residual(fit.model(problem)))
+    return renewed_each(problem, [fit])[0]
+
+
+def renewed_each(problem: Problem, fits: Sequence[Fit]) -> list[Fit]:
+    """The same of several fits."""
+    found = problem.residuals([fit.model(problem) for fit in fits])
+    return [replace(fit, residual=residual) for fit, residual in zip(fits, found, strict=True)]
 
 
 def _with_form(problem: Problem, fit: Fit, known: Mapping[str, Effect], one: FormCandidate) -> Fitter:

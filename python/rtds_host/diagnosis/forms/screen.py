@@ -62,8 +62,10 @@ def columns(problem: Problem, fit: Fit, form: Form, side: tuple[int, ...], base:
         moved = unchanged.copy()
         effect.apply(moved, side, {q.name: STEP * q.prior_width if q is p else 0.0 for q in effect.parameters})
         models.append(moved)
-    found = problem.residuals(models, [unchanged.coarse_s] * len(models))
-    return np.stack([(one - base) / STEP for one in found], axis=1).astype(np.float32)
+    found = np.empty((len(base), len(models)), np.float32)
+    for k, residual in enumerate(problem.residuals(models, [unchanged.coarse_s] * len(models))):
+        found[:, k] = np.divide(np.subtract(residual, base, out=residual), STEP, out=residual)
+    return found
 
 
 def only_read(problem: Problem, fit: Fit, form: Form) -> bool:
@@ -184,6 +186,12 @@ def _cost_of(noise: Likelihood, rows: np.ndarray) -> Callable[[np.ndarray], floa
     return mine.exact_cost
 
 
+def _rows_of(held: np.ndarray, part: int) -> np.ndarray | slice:
+    """The rows of a part that is left out: as a slice where they are neighbours, which need not be gathered."""
+    rows = np.flatnonzero(held == part)
+    return slice(rows[0], rows[-1] + 1) if len(rows) and rows[-1] - rows[0] + 1 == len(rows) else rows
+
+
 def _left_out(
     white: np.ndarray, jacobian: np.ndarray, prior: np.ndarray, held: np.ndarray, folds: int, maps: list[np.ndarray]
 ) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -192,7 +200,7 @@ def _left_out(
     white : (N,) weighted residuals; jacobian : (N, m) weighted derivatives; prior : (n,) curvature about no step; held
     : (N,) the part that each row is of; maps : (m, n) each, which columns a set has.
     """
-    rows = [np.flatnonzero(held == k) for k in range(folds)]
+    rows = [_rows_of(held, k) for k in range(folds)]
     parts = [jacobian[mine] for mine in rows]
     grams = [(part.T @ part).astype(float) for part in parts]
     slopes = [(part.T @ white[mine]).astype(float) for part, mine in zip(parts, rows, strict=True)]

@@ -30,6 +30,7 @@ from rtds_host.diagnosis.forms.fits import (
     fitted,
     refitted_without,
     renewed,
+    renewed_each,
     roughly,
     side_by_side_with,
     without,
@@ -226,11 +227,13 @@ def next_form(
     tried = list({(base.hypothesis, one.form, one.side): (base, one) for base, one in tried}.values())
     rough = roughly(problem, known, known_slopes, tried)
     problem.follow_angles(False)
-    judged = [
-        (HeldOutScore.of(problem, renewed(problem, fit)), base, one)
+    kept = [
+        (fit, base, one)
         for (base, one), fit in zip(tried, rough, strict=True)
         if fit.score < base.score or movable(one.form)
     ]
+    open_loop = renewed_each(problem, [fit for fit, *_ in kept])
+    judged = [(HeldOutScore.of(problem, fit), base, one) for fit, (_, base, one) in zip(open_loop, kept, strict=True)]
     judged.sort(key=lambda each: each[0].gap)
     for ended in choices(problem, known, judged, quick):
         candidate, best = _smallest_residual(ended)
