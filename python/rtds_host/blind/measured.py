@@ -175,6 +175,19 @@ def _value(included: dict, parameter: str) -> tuple[float | None, list | None]:
     return given, None
 
 
+# What an effect has that is not there, of a ratio (True) and of anything else.
+_ABSENT = {True: 1.0, False: 0.0}
+
+
+def _over_planted(want: dict, value: float, base: float | None) -> float | None:
+    """The change from the base's size to another one over the planted change; None where it has another direction, or
+    is off by more than the factor that counts as right."""
+    ratio = want["parameter"] == "ratio"
+    change = _change(value, base, ratio)
+    target = min(max(change, _change(want["low"], None, ratio)), _change(want["high"], None, ratio))
+    return change / target if target * change > 0 and 1 / FACTOR <= change / target <= FACTOR else None
+
+
 def _change(value: float, base: float | None, ratio: bool) -> float:
     """Size of a change: log of a ratio's, difference of anything else's."""
     if ratio:
@@ -196,6 +209,10 @@ class _Answer:
 
     def key(self, effect: str, side: str) -> tuple[str, str]:
         return effect, "" if self.axis else side
+
+    def on(self, effect: str, side: str) -> dict | None:
+        """An effect that is blamed on a side, alone or with the other; None where it is not."""
+        return self.effects.get(self.key(effect, side)) or self.effects.get(self.key(effect, "both"))
 
 
 def _replaced(want: dict, side: str, answer: _Answer, base: _Answer, sharing: list[dict]) -> float | None:
@@ -220,24 +237,27 @@ def _replaced(want: dict, side: str, answer: _Answer, base: _Answer, sharing: li
 
 def _match(want: dict, side: str, answer: _Answer, base: _Answer, sharing: list[dict]) -> dict | None:
     """How an answer holds one equivalent of the planted change; None where it does not. sharing : all equivalents."""
-    key = answer.key(want["id"], side if EFFECTS[want["id"]][1] else "both")
-    ratio = want["parameter"] == "ratio"
-    low, high = (_change(want[end], None, ratio) for end in ("low", "high"))
+    side = side if EFFECTS[want["id"]][1] else "both"
+    key, parameter, ratio = answer.key(want["id"], side), want["parameter"], want["parameter"] == "ratio"
+    had = base.on(want["id"], side)
+    before, _ = _value(had, parameter) if had else (None, None)
+    nothing = not any(answer.on(other["id"], side) for other in sharing)
+    if nothing and before is not None and _over_planted(want, _ABSENT[ratio], before):
+        # The change undoes what the machine has of its own, and the answer names nothing of that kind.
+        return {"effect": want["id"], "named": False, "undone": True}
     if key not in answer.effects:
         return {"effect": want["id"], "named": False} if any(key in group for group in answer.sets) else None
-    value, interval = _value(answer.effects[key], want["parameter"])
+    value, interval = _value(answer.effects[key], parameter)
     if value is None:
         return None
-    before, _ = _value(base.effects[key], want["parameter"]) if key in base.effects else (None, None)
     if before is None and want["id"] in DELAYS:
         gone = [k for k in base.effects if k[0] in DELAYS and k not in answer.effects]
         sizes = [_value(base.effects[k], DELAYS[k[0]])[0] for k in gone]
         before = sum(x for x in sizes if x is not None) or None
     if before is None and ratio:
         before = _replaced(want, side, answer, base, sharing)
-    change = _change(value, before, ratio)
-    target = min(max(change, low), high)
-    if not target * change > 0 or not 1 / FACTOR <= change / target <= FACTOR:
+    change = _over_planted(want, value, before)
+    if change is None:
         return None
 
     def expected(end: float) -> float:
@@ -255,7 +275,7 @@ def _match(want: dict, side: str, answer: _Answer, base: _Answer, sharing: list[
         "value": value,
         "ci90": interval,
         "covered": covered,
-        "size_error": round(change / target - 1, 4),
+        "size_error": round(change - 1, 4),
     }
 
 

@@ -254,6 +254,43 @@ def test_a_wrong_direction_or_a_size_off_by_more_than_a_factor_of_two_is_not_rig
     assert not r["found"] and not r["new_false"]
 
 
+WHEEL = {
+    **GAIN,
+    "set": "rover",
+    "side": "left",
+    "axis": False,
+    "same": [
+        {"id": name, "subsystem": "driver", "parameter": "ratio", "low": 1.3, "high": 1.3}
+        for name in ("speed_gain", "driver_gain")
+    ],
+}
+
+
+@pytest.mark.parametrize("own", [effect("speed_gain", "both", ratio=0.78), effect("speed_gain", "left", ratio=0.78)])
+def test_a_change_that_undoes_what_the_machine_has_is_found_where_nothing_of_its_kind_is_named(own):
+    """With 1.3 times 0.78 there is no gain left to name: what is not named has a ratio of 1."""
+    right = effect("speed_gain", "right", ratio=0.78)
+    for answer in (says(COULOMB, right), says(COULOMB)):
+        r = measured.judge_planted(WHEEL, answer, says(COULOMB, own), ENTRY)
+        assert r["found"] and not r["named"] and r["match"]["undone"]
+    # Something of the kind is named there, the machine has none of it, or one that the change does not undo.
+    for answer, base in (
+        (says(effect("driver_gain", ratio=0.6)), says(own)),
+        (says(effect("speed_gain", "both", ratio=0.78)), says(own)),
+        (says(COULOMB), says(COULOMB)),
+        (says(COULOMB), says(effect("speed_gain", "both", ratio=1.3))),
+        (says(COULOMB), says(effect("speed_gain", "both", ratio=0.95))),
+        (says(COULOMB), says(effect("speed_gain", "both", ratio=0.4))),
+    ):
+        assert not measured.judge_planted(WHEEL, answer, base, ENTRY)["found"]
+
+
+def test_a_gain_of_one_side_counts_from_what_both_sides_had():
+    base = says(effect("speed_gain", "both", ratio=0.7))
+    r = measured.judge_planted(WHEEL, says(effect("speed_gain", ratio=(0.92, [0.88, 0.96]))), base, ENTRY)
+    assert r["named"] and r["covered"] and r["match"]["expected"] == pytest.approx([0.91, 0.91])
+
+
 def test_a_substitute_is_near_and_anything_else_blamed_again_is_a_false_cause():
     r = measured.judge_planted(MASS, says(COULOMB, effect("driver_gain", ratio=0.85)), BASE, ENTRY)
     assert r["near"] and not r["found"] and not r["new_false"]
