@@ -1,8 +1,9 @@
-"""Does an answer depend on the declared noise, or on which runs were given? Neither needs a truth.
+"""Does an answer depend on the declared noise, on which runs were given, or on their last rows? None needs a truth.
 
-``python -m rtds_host.blind.steady CASE… --out DIR [--noise 0.333 --noise 3] [--halves]`` lets the diagnoser answer each
-case as it is, with its `[sensors]` multiplied by each factor, and on two disjoint halves of its runs. It prints how
-often the names are the same. Answers stay in DIR, and an interrupted call goes on where it stopped.
+``python -m rtds_host.blind.steady CASE… --out DIR [--noise 0.333 --noise 3] [--halves] [--cut 1 --cut 3]`` lets the
+diagnoser answer each case as it is, with its `[sensors]` multiplied by each factor, on two disjoint halves of its runs,
+or with runs that lack their last rows. It prints how often the names are the same. Answers stay in DIR, and an
+interrupted call goes on where it stopped.
 
 Two answers have the same names where each effect that counts in the one is named in the other, or declared there as
 indistinguishable from a named one, and the other way round. Which effects count:
@@ -11,6 +12,7 @@ indistinguishable from a named one, and the other way round. Which effects count
 - halves: those that both halves can show. In each, the gap without the effect is at least 1.5 times the gap with it;
   in the half that names it by the answer's own `gap_without`, in the other half by a fit of the same effects there.
   So the names are counted, not the cases.
+- cut runs: those of either answer without which it leaves at least 1.5 times the gap. They, too, are counted.
 """
 
 from __future__ import annotations
@@ -26,6 +28,7 @@ from rtds_host.blind.hard import with_noise
 from rtds_host.blind.score import ASKED_GAP, LARGEST_SET, wilson
 from rtds_host.blind.seal import diagnoser_command
 from rtds_host.cleanup import run_supervised, temporary_folder
+from rtds_host.contract import read_case, write_run
 from rtds_host.contract.output import write_atomic
 from rtds_host.errors import InputError
 
@@ -84,6 +87,17 @@ def half(case: Path, target: Path, which: int) -> Path:
     shutil.copyfile(case / "robot.toml", target / "robot.toml")
     for run in runs[which::2]:
         shutil.copytree(run, target / run.name)
+    return target
+
+
+def cut(case: Path, target: Path, rows: int) -> Path:
+    """A copy of a case whose runs lack their last `rows` rows."""
+    target.mkdir()
+    shutil.copyfile(case / "robot.toml", target / "robot.toml")
+    for run in read_case(case).runs:
+        kept = slice(0, len(run.t) - rows)
+        columns = {name: values[kept] for name, values in run.columns.items()}
+        write_run(target / run.name, run.meta, {"t": run.t[kept], **columns}, form="parquet")
     return target
 
 
@@ -165,6 +179,20 @@ def halves_of(case: Path, out: Path, command: list[str], shower: list[str]) -> l
     return verdicts
 
 
+def cuts_of(case: Path, rows: list[int], out: Path, command: list[str]) -> list[bool]:
+    """For each name that counts in the answer to a case as it is, or with so many rows less, whether the other answer
+    names or declares it."""
+    plain = answered(case, lambda source, target: shutil.copytree(source, target), out / "plain", command)
+    verdicts = []
+    for count in rows:
+        other = answered(case, lambda a, b, less=count: cut(a, b, less), out / f"cut-{count}", command)
+        pairs = [] if plain is None or other is None else [(plain, other), (other, plain)]
+        mine = [cause in said(two) for one, two in pairs for cause in sorted(seen(one))]
+        verdicts += mine
+        print(f"{case.name}: {count} rows less: {_names(plain)}; {_names(other)}: {sum(mine)}/{len(mine)}", flush=True)
+    return verdicts
+
+
 def main(argv: list[str] | None = None) -> None:
     """Entry point, see the module."""
     parser = argparse.ArgumentParser(prog="rtds_host.blind.steady", description=__doc__)
@@ -172,6 +200,7 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--noise", type=float, action="append", help="factor on [sensors]; default 1/3, 1/2, 2, 3")
     parser.add_argument("--halves", action="store_true", help="compare halves of the runs in place of noises")
+    parser.add_argument("--cut", type=int, action="append", help="last rows that each run lacks, in place of noises")
     args = parser.parse_args(argv)
     command, out = diagnoser_command(True, 1), args.out.resolve()
     hits: dict[str, list[bool]] = {}
@@ -179,6 +208,9 @@ def main(argv: list[str] | None = None) -> None:
         for case in args.cases:
             if args.halves:
                 hits.setdefault("names of halves", []).extend(halves_of(case, out / case.name, command, SHOWER))
+                continue
+            if args.cut:
+                hits.setdefault("names with rows less", []).extend(cuts_of(case, args.cut, out / case.name, command))
                 continue
             for factor, verdict in noise_of(case, args.noise or list(NOISE), out / case.name, command):
                 if verdict is not None:

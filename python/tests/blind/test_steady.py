@@ -55,6 +55,15 @@ def test_copies_differ_in_noise_or_in_runs_alone(case, tmp_path):
     assert names == [["a", "c"], ["b"]]
 
 
+def test_cut_runs_lack_their_last_rows_and_nothing_else(case, tmp_path):
+    shorter, whole = read_case(steady.cut(case, tmp_path / "shorter", 3)), read_case(case)
+    assert shorter.robot == whole.robot and [run.name for run in shorter.runs] == ["a", "b", "c"]
+    for less, run in zip(shorter.runs, whole.runs, strict=True):
+        assert less.meta == run.meta and np.array_equal(less.t, run.t[:-3])
+        assert less.columns.keys() == run.columns.keys()
+        assert all(np.array_equal(values, run.columns[name][:-3]) for name, values in less.columns.items())
+
+
 def test_a_case_of_one_run_has_no_halves(case, tmp_path):
     with pytest.raises(InputError, match="halves need two"):
         steady.half(steady.half(case, tmp_path / "one", 1), tmp_path / "none", 0)
@@ -81,6 +90,23 @@ def test_the_tool_counts_and_goes_on_where_it_stopped(case, tmp_path, monkeypatc
     assert "noise × 3: 0/1" in capsys.readouterr().out
     kept = json.loads((tmp_path / "out" / "case" / "noise-3" / "diagnosis.json").read_text())
     assert kept["effects"][0]["id"] == "gyro_gain"
+
+
+def test_names_of_either_answer_are_asked_of_the_other_where_runs_lack_rows(case, tmp_path, monkeypatch, capsys):
+    """A diagnoser that names a second gain where a run is short: of the three names that count two are in the other."""
+    script = tmp_path / "diagnoser.py"
+    script.write_text(
+        "import json, sys\nfrom pathlib import Path\n"
+        "place, out = Path(sys.argv[1]), Path(sys.argv[3])\n"
+        "from rtds_host.contract import read_case\n"
+        "short = len(read_case(place).runs[0].t) < 98\n"
+        f"answer = {answer('gyro_bias', 'gyro_gain')!r} if short else {answer('gyro_bias')!r}\n"
+        "out.mkdir(parents=True)\n(out / 'diagnosis.json').write_text(json.dumps(answer))\n"
+    )
+    monkeypatch.setattr(steady, "diagnoser_command", lambda quick, threads: [sys.executable, str(script)])
+    steady.main([str(case), "--out", str(tmp_path / "out"), "--cut", "1", "--cut", "3"])
+    text = capsys.readouterr().out
+    assert "1 rows less" in text and "2/2" in text and "2/3" in text and "names with rows less: 4/5" in text
 
 
 def halves(case, tmp_path, monkeypatch, capsys, gaps):
