@@ -145,7 +145,7 @@ def _screened(search: Search, one: Cause, without: Fit, count: int) -> list[Cand
     """Effects that a screening without one ranks first in its place; none once the attribution is over budget."""
     if search.limits.attribution_over_budget():
         return []
-    found = exchanging.rivals(search.store, search.screening.screens(search.store, without), one, count)
+    found = exchanging.rivals(search.store, search.screening.screens(search.store, without), [one], count)
     return [rival for rival in found if not _contains(search.store, rival.cause, one)]
 
 

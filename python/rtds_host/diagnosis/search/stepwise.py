@@ -1,10 +1,10 @@
 """Stepwise selection by held-out runs, for cases in which a gap remains.
 
 A beam keeps the explanations of highest likelihood, but held-out runs decide between explanations (`choice`). So the
-search continues from the explanation that held-out runs choose. A step adds one effect, or exchanges one or two for
-others, and held-out runs choose again (M. A. Efroymson, Multiple regression analysis, 1960). If they choose the same
-one, the next step is taken from the one that comes closest to it: an effect may help only next to another. The search
-ends when only noise is left, or after `STEPS` steps.
+search continues from the explanation that held-out runs choose. A step adds one effect, exchanges one or two for
+others, or two for one, and held-out runs choose again (M. A. Efroymson, Multiple regression analysis, 1960). If they
+choose the same one, the next step is taken from the one that comes closest to it: an effect may help only next to
+another. The search ends when only noise is left, or after `STEPS` steps.
 """
 
 from __future__ import annotations
@@ -139,7 +139,8 @@ def _of(search: Search, selected: HeldOutScore) -> Fit:
 
 
 def neighbours(search: Search, fit: Fit) -> list[Fit]:
-    """The local optima of an explanation and of those one step from it: one effect added, or one or two exchanged.
+    """The local optima of an explanation and of those one step from it: one effect added, one or two exchanged, or one
+    in the place of two.
 
     Of additions and of exchanges, the `JUDGED` most probable ones. None at all where the budget is used up or the
     explanation is not admissible.
@@ -150,16 +151,20 @@ def neighbours(search: Search, fit: Fit) -> list[Fit]:
     problem.follow_angles(True)
     screens = screenings(search, fit)
     found = [fit, *most_probable(store, additions(search, fit, screens(fit)), JUDGED)]
-    if not search.limits.attribution_over_budget():
-        exchanges = []
-        for cause, reduced in zip(fit.hypothesis, removing.without(store, fit, *fit.hypothesis)):
-            exchanges += renaming.sides(store, fit, cause)
-            rivals = exchanging.rivals(store, screens(reduced), cause, EXCHANGED[is_axis])
-            exchanges += [reduced.proposal({rival.cause: rival.start}) for rival in rivals]
-        for pair in itertools.combinations(fit.hypothesis, 2):
-            (reduced,) = store.try_fits([fit.proposal({}, without=pair)], rough=True)
-            for screen in screens(reduced):
-                exchanges += exchanging.pairs_for(store, screen, reduced, pair)[: exchanging.PAIRS]
-        found += most_probable(store, exchanges, JUDGED)
+    exchanges = []
+    for cause, reduced in zip(fit.hypothesis, removing.without(store, fit, *fit.hypothesis)):
+        exchanges += renaming.sides(store, fit, cause)
+        rivals = exchanging.rivals(store, screens(reduced), [cause], EXCHANGED[is_axis])
+        exchanges += [reduced.proposal({rival.cause: rival.start}) for rival in rivals]
+    # Two effects are exchanged only where there is work left: there are many pairs.
+    two = [] if search.limits.attribution_over_budget() else list(itertools.combinations(fit.hypothesis, 2))
+    for pair in two:
+        (reduced,) = store.try_fits([fit.proposal({}, without=pair)], rough=True)
+        screened = screens(reduced)
+        rivals = exchanging.rivals(store, screened, pair, EXCHANGED[is_axis])
+        exchanges += [reduced.proposal({rival.cause: rival.start}) for rival in rivals]
+        for screen in screened:
+            exchanges += exchanging.pairs_for(store, screen, reduced, pair)[: exchanging.PAIRS]
+    found += most_probable(store, exchanges, JUDGED)
     problem.follow_angles(False)
     return [optimum for optima in store.local_optima(found) for optimum in optima]

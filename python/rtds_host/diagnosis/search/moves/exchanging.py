@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from rtds_host.diagnosis.evidence import likelihood_gain, log_odds
 from rtds_host.diagnosis.fit import Fit, Proposal
@@ -92,9 +92,12 @@ def pairs_for(store: Store, screen: Screen, alone: Fit, two: Sequence[tuple[str,
     ]
 
 
-def rivals(store: Store, screens: Sequence[Screen], cause: tuple[str, str], count: int) -> list[Candidate]:
-    """What else could take the place of an effect, largest predicted gain first; screens: of the fit without it."""
-    return [c for c in ranked(store, screens, count) if c.cause != cause and not clashes(c.cause, screens[0].taken)]
+def rivals(store: Store, screens: Sequence[Screen], causes: Collection[tuple[str, str]], count: int) -> list[Candidate]:
+    """What else could take the place of some effects, largest predicted gain first; screens: of the fit without
+    them."""
+    return [
+        c for c in ranked(store, screens, count) if c.cause not in causes and not clashes(c.cause, screens[0].taken)
+    ]
 
 
 def swapped(store: Store, fit: Fit, alone: Fit, rival: Candidate) -> Fit:
