@@ -225,9 +225,9 @@ def test_no_form_where_nothing_is_missing():
     assert forms_of(problem, fit, problem.gap(fit.model(problem)), True).entries == []
 
 
-@pytest.mark.parametrize("reported", [2.7, 3.1])
+@pytest.mark.parametrize("reported", [2.75, 3.1])
 def test_no_form_where_the_reported_gap_does_not_meet_the_criterion(monkeypatch, reported):
-    # Of 3^2 - 1 = 8 it leaves 6.3, more than three quarters.
+    # Of 3^2 - 1 = 8 it leaves 6.6, more than four fifths.
     found = SimpleNamespace(forms=["a curve"], notes=["what else was seen"], fit=None)
     monkeypatch.setattr(forms_package, "searched_over_both", lambda *_: (None, found))
     monkeypatch.setattr(forms_package, "reported_gap", lambda *_: reported)
@@ -630,10 +630,10 @@ def test_nothing_is_superseded_where_other_names_would_fall_and_forms_would_leav
 
 @pytest.mark.parametrize(
     ("left", "count"),
-    [((80.0, 50.0), 2), ((80.0, 60.0), 0), ((80.0,), 0), ((70.0, 69.0), 1), ((70.0, 56.0), 1), ((70.0, 56.0, 39.0), 3)],
+    [((85.0, 62.0), 2), ((85.0, 66.0), 0), ((85.0,), 0), ((79.0, 78.0), 1), ((79.0, 65.0), 1), ((79.0, 65.0, 50.0), 3)],
 )
 def test_a_form_that_helps_too_little_alone_is_taken_with_the_next_one_or_not_at_all(monkeypatch, left, count):
-    """Alone it has to leave three quarters at most, two together nine sixteenths. `left`: what each leaves of 100."""
+    """Alone it has to leave four fifths at most, two together the square of it. `left`: what each leaves of 100."""
     fit = SimpleNamespace(noise=SimpleNamespace(root=1.0), effects={}, hypothesis=())
     answers = iter(left)
 
