@@ -52,6 +52,8 @@ VISIBLE = math.sqrt(2.0)
 FACTOR = 2.0
 # Of these delays one may be in the base and another in the answer; the answer's then holds both sizes.
 DELAYS = {"measurement_delay": "seconds", "command_delay": "seconds", "speed_filter": "time_constant_s"}
+# What an effect has that is not there, of a ratio (True) and of anything else.
+ABSENT = {True: 1.0, False: 0.0}
 # A form of an effect that holds another one as a part of it.
 WIDER = {"stribeck_friction": "coulomb_friction"}
 
@@ -175,10 +177,6 @@ def _value(included: dict, parameter: str) -> tuple[float | None, list | None]:
     return given, None
 
 
-# What an effect has that is not there, of a ratio (True) and of anything else.
-_ABSENT = {True: 1.0, False: 0.0}
-
-
 def _over_planted(want: dict, value: float, base: float | None) -> float | None:
     """The change from the base's size to another one over the planted change; None where it has another direction, or
     is off by more than the factor that counts as right."""
@@ -242,7 +240,7 @@ def _match(want: dict, side: str, answer: _Answer, base: _Answer, sharing: list[
     had = base.on(want["id"], side)
     before, _ = _value(had, parameter) if had else (None, None)
     nothing = not any(answer.on(other["id"], side) for other in sharing)
-    if nothing and before is not None and _over_planted(want, _ABSENT[ratio], before):
+    if nothing and before is not None and _over_planted(want, ABSENT[ratio], before):
         # The change undoes what the machine has of its own, and the answer names nothing of that kind.
         return {"effect": want["id"], "named": False, "undone": True}
     if key not in answer.effects:

@@ -91,10 +91,19 @@ def half(case: Path, target: Path, which: int) -> Path:
 
 
 def cut(case: Path, target: Path, rows: int) -> Path:
-    """A copy of a case whose runs lack their last `rows` rows."""
+    """A copy of a case whose runs lack their last `rows` rows.
+
+    Raises
+    ------
+    InputError : a run has no more rows, or none are to be cut.
+    """
+    runs = read_case(case).runs
+    for run in runs:
+        if not 0 < rows < len(run.t) - 1:
+            raise InputError(f"{case / run.name}: has {len(run.t)} rows, {rows} cannot be cut")
     target.mkdir()
     shutil.copyfile(case / "robot.toml", target / "robot.toml")
-    for run in read_case(case).runs:
+    for run in runs:
         kept = slice(0, len(run.t) - rows)
         columns = {name: values[kept] for name, values in run.columns.items()}
         write_run(target / run.name, run.meta, {"t": run.t[kept], **columns}, form="parquet")

@@ -64,6 +64,13 @@ def test_cut_runs_lack_their_last_rows_and_nothing_else(case, tmp_path):
         assert all(np.array_equal(values, run.columns[name][:-3]) for name, values in less.columns.items())
 
 
+@pytest.mark.parametrize("rows", [-1, 0, 99, 1000])
+def test_no_more_rows_are_cut_than_a_run_has(case, tmp_path, rows):
+    with pytest.raises(InputError, match=f"a: has 100 rows, {rows} cannot be cut"):
+        steady.cut(case, tmp_path / "none", rows)
+    assert not (tmp_path / "none").exists()
+
+
 def test_a_case_of_one_run_has_no_halves(case, tmp_path):
     with pytest.raises(InputError, match="halves need two"):
         steady.half(steady.half(case, tmp_path / "one", 1), tmp_path / "none", 0)
