@@ -4,7 +4,6 @@ from __future__ import annotations
 
 # What is loaded here comes with Python: a Ctrl-C while more loaded would be answered with a traceback. The rest is
 # imported where `main` waits for one.
-import gc
 import os
 import sys
 
@@ -48,10 +47,11 @@ def main() -> None:
     SIGTERM, 129 by a terminal that was closed.
     """
     status = None
-    gc.set_threshold(YOUNG)
     try:
+        import gc
         import signal
 
+        gc.set_threshold(YOUNG)
         for asked in (signal.SIGTERM, signal.SIGHUP):
             # One that is ignored (nohup) stays so.
             if signal.getsignal(asked) is signal.SIG_DFL:
