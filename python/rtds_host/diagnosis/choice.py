@@ -34,8 +34,8 @@ from rtds_host.diagnosis.left_out import Errors, Prediction, as_fitted, over_pie
 from rtds_host.diagnosis.nuisances import SIGMAS
 from rtds_host.diagnosis.problem import Problem
 
-# The residual with an effect over that without it, at most, on held-out runs. A heuristic: machines of one batch keep
-# the names that they have in common, also with a row less (docs/decisions.md).
+# The residual with an effect over that without it, at most, on held-out runs. A heuristic, set on cases whose causes
+# were known (docs/decisions.md).
 MAX_RESIDUAL_RATIO = 0.8
 # As how many samples of unknown size a residual counts next to priors: the least gain of an effect in its logarithm is
 # worth a constant that stays as declared in place of moving by three sigmas.

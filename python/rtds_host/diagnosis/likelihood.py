@@ -80,8 +80,8 @@ class Likelihood:
         return column if self.root is None else column * self.root.astype(column.dtype)
 
     def whitened(self, columns: Sequence[np.ndarray], kind: type = np.float32) -> np.ndarray:
-        """Several weighted columns, (N,) each: (N, p), each in one piece. They are rounded to float32, also where they
-        are wanted in another `kind`.
+        """Several weighted columns, (N,) float32 each: (N, p), each in one piece. They are weighted in float32, also
+        where they are wanted in another `kind`.
         """
         out: np.ndarray = np.empty((self.count, len(columns)), kind, order="F")
         self.whiten_into(columns, list(out.T))

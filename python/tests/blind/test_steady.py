@@ -29,6 +29,24 @@ def case(tmp_path):
     return folder
 
 
+@pytest.fixture
+def diagnoser(tmp_path, monkeypatch):
+    """Puts a script in the place of the diagnoser, which says what an expression gives for a case folder, `place`."""
+
+    def put(says):
+        script = tmp_path / "diagnoser.py"
+        script.write_text(
+            "import json, sys\nfrom pathlib import Path\nfrom rtds_host.contract import load_robot, read_case\n"
+            "place, out = Path(sys.argv[1]), Path(sys.argv[3])\n"
+            f"answer = {says}\n"
+            "out.mkdir(parents=True)\n(out / 'diagnosis.json').write_text(json.dumps(answer))\n"
+        )
+        monkeypatch.setattr(steady, "diagnoser_command", lambda quick, threads: [sys.executable, str(script)])
+        return script
+
+    return put
+
+
 def test_names_are_the_same_where_each_is_named_or_declared_in_the_other():
     assert steady.same(answer("supply_sag"), answer("supply_sag"))
     assert not steady.same(answer("supply_sag"), answer("supply_sag", "gyro_bias"))
@@ -76,19 +94,10 @@ def test_a_case_of_one_run_has_no_halves(case, tmp_path):
         steady.half(steady.half(case, tmp_path / "one", 1), tmp_path / "none", 0)
 
 
-def test_the_tool_counts_and_goes_on_where_it_stopped(case, tmp_path, monkeypatch, capsys):
+def test_the_tool_counts_and_goes_on_where_it_stopped(case, tmp_path, diagnoser, capsys):
     """A diagnoser that names a gain where the noise is large, and leaves less there than asks for the same names."""
-    script = tmp_path / "diagnoser.py"
-    script.write_text(
-        "import json, sys\nfrom pathlib import Path\n"
-        "place, out = Path(sys.argv[1]), Path(sys.argv[3])\n"
-        "from rtds_host.contract import load_robot\n"
-        "large = load_robot(place / 'robot.toml').noise('w_l') > 0.05\n"
-        f"answer = {answer('gyro_bias')!r}\n"
-        "if large: answer['effects'][0]['id'] = 'gyro_gain'\n"
-        "out.mkdir(parents=True)\n(out / 'diagnosis.json').write_text(json.dumps(answer))\n"
-    )
-    monkeypatch.setattr(steady, "diagnoser_command", lambda quick, threads: [sys.executable, str(script)])
+    large = "load_robot(place / 'robot.toml').noise('w_l') > 0.05"
+    script = diagnoser(f"{answer('gyro_gain')!r} if {large} else {answer('gyro_bias')!r}")
     steady.main([str(case), "--out", str(tmp_path / "out"), "--noise", "0.5", "--noise", "3"])
     text = capsys.readouterr().out
     assert "noise × 0.5: 1/1" in text and "noise × 3: 0/1" in text
@@ -99,47 +108,38 @@ def test_the_tool_counts_and_goes_on_where_it_stopped(case, tmp_path, monkeypatc
     assert kept["effects"][0]["id"] == "gyro_gain"
 
 
-def test_names_of_either_answer_are_asked_of_the_other_where_runs_lack_rows(case, tmp_path, monkeypatch, capsys):
+def test_names_of_either_answer_are_asked_of_the_other_where_runs_lack_rows(case, tmp_path, diagnoser, capsys):
     """A diagnoser that names a second gain where a run is short: of the three names that count two are in the other."""
-    script = tmp_path / "diagnoser.py"
-    script.write_text(
-        "import json, sys\nfrom pathlib import Path\n"
-        "place, out = Path(sys.argv[1]), Path(sys.argv[3])\n"
-        "from rtds_host.contract import read_case\n"
-        "short = len(read_case(place).runs[0].t) < 98\n"
-        f"answer = {answer('gyro_bias', 'gyro_gain')!r} if short else {answer('gyro_bias')!r}\n"
-        "out.mkdir(parents=True)\n(out / 'diagnosis.json').write_text(json.dumps(answer))\n"
-    )
-    monkeypatch.setattr(steady, "diagnoser_command", lambda quick, threads: [sys.executable, str(script)])
+    short = "len(read_case(place).runs[0].t) < 98"
+    diagnoser(f"{answer('gyro_bias', 'gyro_gain')!r} if {short} else {answer('gyro_bias')!r}")
     steady.main([str(case), "--out", str(tmp_path / "out"), "--cut", "1", "--cut", "3"])
     text = capsys.readouterr().out
     assert "1 rows less" in text and "2/2" in text and "2/3" in text and "names with rows less: 4/5" in text
 
 
-def halves(case, tmp_path, monkeypatch, capsys, gaps):
-    """The last line of the tool where the half with run b names nothing, and these gaps are its with and without the
+@pytest.fixture
+def halves(case, tmp_path, diagnoser, monkeypatch, capsys):
+    """The last line of the tool where the half with run b names nothing, and some gaps are its with and without the
     gain that the other half names.
     """
-    diagnoser, shower = tmp_path / "diagnoser.py", tmp_path / "shower.py"
-    diagnoser.write_text(
-        "import json, sys\nfrom pathlib import Path\n"
-        f"named = {answer('gyro_gain')!r}, {answer()!r}\n"
-        "out = Path(sys.argv[3])\nout.mkdir(parents=True)\n"
-        "(out / 'diagnosis.json').write_text(json.dumps(named[(Path(sys.argv[1]) / 'b').is_dir()]))\n"
-    )
-    shower.write_text(f"import json\nprint(json.dumps({{'gyro_gain both': {gaps!r}}}))\n")
-    monkeypatch.setattr(steady, "diagnoser_command", lambda quick, threads: [sys.executable, str(diagnoser)])
-    monkeypatch.setattr(steady, "SHOWER", [sys.executable, str(shower)])
-    steady.main([str(case), "--out", str(tmp_path / "out"), "--halves"])
-    return capsys.readouterr().out.splitlines()[-1]
+
+    def last_line(gaps):
+        diagnoser(f"{answer()!r} if (place / 'b').is_dir() else {answer('gyro_gain')!r}")
+        shower = tmp_path / "shower.py"
+        shower.write_text(f"import json\nprint(json.dumps({{'gyro_gain both': {gaps!r}}}))\n")
+        monkeypatch.setattr(steady, "SHOWER", [sys.executable, str(shower)])
+        steady.main([str(case), "--out", str(tmp_path / "out"), "--halves"])
+        return capsys.readouterr().out.splitlines()[-1]
+
+    return last_line
 
 
-def test_a_name_is_asked_of_the_other_half_where_its_runs_show_the_effect(case, tmp_path, monkeypatch, capsys):
-    assert halves(case, tmp_path, monkeypatch, capsys, [2.0, 4.0]).startswith("names of halves: 0/1")
+def test_a_name_is_asked_of_the_other_half_where_its_runs_show_the_effect(halves):
+    assert halves([2.0, 4.0]).startswith("names of halves: 0/1")
 
 
-def test_a_name_is_not_asked_of_the_other_half_where_its_runs_hardly_show_it(case, tmp_path, monkeypatch, capsys):
-    assert halves(case, tmp_path, monkeypatch, capsys, [2.0, 2.5]).startswith("names of halves: 0/0")
+def test_a_name_is_not_asked_of_the_other_half_where_its_runs_hardly_show_it(halves):
+    assert halves([2.0, 2.5]).startswith("names of halves: 0/0")
 
 
 def test_a_tool_that_fails_is_no_half_that_shows_nothing(tmp_path):

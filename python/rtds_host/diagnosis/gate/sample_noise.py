@@ -22,8 +22,6 @@ from rtds_host.plant.schema import OUTPUT_INDEX
 NOISE_ROWS = 20
 # Numerical: the median over blocks of the root mean square of third differences of unit white noise, over sqrt(20).
 MEDIAN_OF_WHITE = 0.958
-# Numerical: an excess of the logarithm that counts as none.
-CONVERGED = 1e-12
 
 
 def sample_noise(case: Case, replays: Sequence[np.ndarray] | None = None) -> dict[str, float]:
@@ -91,13 +89,13 @@ def noise_ratio(case: Case, rounding: Mapping[str, float], replays: Sequence[np.
         return mean, 2.0 * sum(s / (s + r) for s, r in zip(scaled, rounded)) / len(squares)
 
     # Without rounding this ratio is exact, with it too large: the excess rises and is convex, so that Newton's steps
-    # never go too far. Rounding alone may be more than what samples show, where they move by less than a step from row
-    # to row: the declared noise is then a slight part.
+    # never go too far, and end where one goes nowhere. Rounding alone may be more than what samples show, where they
+    # move by less than a step from row to row: the declared noise is then a slight part.
     unrounded = -0.5 * sum(map(math.log, squares)) / len(squares)
     log_ratio, least = unrounded, unrounded + math.log(MINOR_SHARE)
     while log_ratio > least:
         above, slope = excess(log_ratio)
-        if above <= CONVERGED:
-            break
-        log_ratio -= above / slope
-    return math.exp(max(log_ratio, least))
+        before, log_ratio = log_ratio, log_ratio - above / slope
+        if not log_ratio < before:
+            return math.exp(before)
+    return math.exp(least)
