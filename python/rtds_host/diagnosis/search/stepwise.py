@@ -4,7 +4,8 @@ A beam keeps the explanations of highest likelihood, but held-out runs decide be
 search continues from the explanation that held-out runs choose. A step adds one effect, exchanges one or two for
 others, or two for one, and held-out runs choose again (M. A. Efroymson, Multiple regression analysis, 1960). If they
 choose the same one, the next step is taken from the one that comes closest to it: an effect may help only next to
-another. The search ends when only noise is left, or after `STEPS` steps.
+another. The search ends when only noise is left, or after `STEPS` steps. Where the budget is used up before, a step
+only adds one effect to the explanation that is chosen.
 """
 
 from __future__ import annotations
@@ -117,6 +118,9 @@ class Selection:
             if base is None or found_by.store.within_noise(selected.fit):
                 break
             tried.add(base.fit.hypothesis)
+            if base is selected and found_by.limits.attribution_over_budget():
+                # What is chosen may still lack the one effect that leaves least.
+                self.judge(found_by, with_one_more(found_by, base.fit))
             for search in self.searches:
                 self.judge(search, neighbours(search, _of(search, base)))
             found_by, selected = self.choice()
@@ -136,6 +140,17 @@ def _of(search: Search, selected: HeldOutScore) -> Fit:
     if selected.problem is search.problem:
         return selected.fit
     return search.store.try_fit(selected.fit.hypothesis, selected.fit.u, search.store.fits[()])
+
+
+def with_one_more(search: Search, fit: Fit) -> list[Fit]:
+    """The local optima of the `JUDGED` most probable explanations with one effect more; none where the explanation is
+    not admissible."""
+    if not search.store.admissible(fit):
+        return []
+    search.problem.follow_angles(True)
+    found = most_probable(search.store, additions(search, fit, screenings(search, fit)(fit)), JUDGED)
+    search.problem.follow_angles(False)
+    return [optimum for optima in search.store.local_optima(found) for optimum in optima]
 
 
 def neighbours(search: Search, fit: Fit) -> list[Fit]:
