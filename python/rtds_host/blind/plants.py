@@ -445,7 +445,8 @@ def kinds(case: Case) -> dict[str, Callable[[np.random.Generator], Plant]]:
         if f.mode == "voltage" and f.robot.driver.bus == "measured":
             found.append(("voltage", _voltage))
         found.append(("command gain", _command_gain))
-        if f.axis is not None:
+        if f.axis is not None and not f.current:
+            # A measured current shows that volts are missing and no torque: no effect is both.
             found.append(("command bias", _command_bias))
     if _has(case, "w_l"):
         found.append(("speed gain", _speed_gain))

@@ -36,6 +36,8 @@ from rtds_host.errors import InputError
 from rtds_host.workers import cores, on_cluster, on_threads, process_pool
 
 SEALS_SCHEMA = "rtds-blind-seals/1"
+# Prints how well a diagnosis' effects fit a case; the case and the diagnosis come behind it.
+SHOWER = [sys.executable, "-m", "rtds_host.diagnosis.shown"]
 # Share of the cases a tier gets in a mixed check: one for everyone (60 cases), one for figures (310 cases, so that
 # every tier has 30 and "no effect" 60).
 WEIGHTS = {

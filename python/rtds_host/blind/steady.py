@@ -26,7 +26,7 @@ from pathlib import Path
 
 from rtds_host.blind.hard import with_noise
 from rtds_host.blind.score import ASKED_GAP, LARGEST_SET, wilson
-from rtds_host.blind.seal import diagnoser_command
+from rtds_host.blind.seal import SHOWER, diagnoser_command
 from rtds_host.cleanup import run_supervised, temporary_folder
 from rtds_host.contract import read_case, write_run
 from rtds_host.contract.output import write_atomic
@@ -34,7 +34,6 @@ from rtds_host.errors import InputError
 
 LEFT_GAP = 2.0
 NOISE = (1 / 3, 0.5, 2.0, 3.0)
-SHOWER = [sys.executable, "-m", "rtds_host.diagnosis.shown"]
 
 Cause = tuple[str, str]
 

@@ -139,7 +139,8 @@ def score(
     quiet: Quiet = False,
 ) -> None:
     """Open the truth, check every hash, and judge the answers."""
-    from rtds_host.blind.measured import is_measured, score_measured
+    from rtds_host.blind.measured import is_measured
+    from rtds_host.blind.measured_score import score_measured
     from rtds_host.blind.score import FIGURES, PICTURES, POOLED, share_cell
     from rtds_host.blind.score import score as score_cases
     from rtds_host.blind.seal import read_seals

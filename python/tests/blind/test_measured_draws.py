@@ -11,6 +11,9 @@ import pytest
 from axis_machine import write_axis_case
 
 from rtds_host.blind import measured, plants, seal
+from rtds_host.blind.measured_answer import judge_planted
+from rtds_host.blind.measured_gaps import VISIBLE, carried_over
+from rtds_host.blind.measured_score import score_measured
 from rtds_host.contract import load_robot, read_case
 from rtds_host.errors import InputError
 
@@ -28,12 +31,12 @@ out.mkdir(parents=True)
 
 @pytest.fixture(scope="module")
 def sources(tmp_path_factory):
-    """Two data sets of machines with dry friction: a pendulum on a measured bus, a linear axis in torque mode."""
+    """Two data sets of machines with dry friction: a pendulum on a measured bus with four runs, a linear axis in torque
+    mode with three."""
     root = tmp_path_factory.mktemp("measured")
-    return [
-        write_axis_case(root / "arm", "pendulum", "voltage", bus="measured", coulomb=0.03, seconds=3.0),
-        write_axis_case(root / "slide", "linear", "torque", coulomb=0.03, seconds=3.0),
-    ]
+    arm = write_axis_case(root / "arm", "pendulum", "voltage", bus="measured", coulomb=0.03, seconds=3.0)
+    shutil.copytree(next(p for p in arm.iterdir() if p.is_dir()), arm / "one-more")
+    return [arm, write_axis_case(root / "slide", "linear", "torque", coulomb=0.03, seconds=3.0)]
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +81,9 @@ def test_a_public_case_holds_robot_and_runs_and_nothing_that_tells(check, source
         assert sorted(p.name for p in public.iterdir()) == sorted(["robot.toml", *(run.name for run in read.runs)])
         held = {p.name for p in (check / "sealed" / case / "held-out").iterdir()}
         source = next(s for s in sources if s.name == truth["set"])
-        assert len(held) == 1 and held | {r.name for r in read.runs} == {r.name for r in read_case(source).runs}
+        # One in four: of three runs none.
+        assert len(held) == (truth["set"] == "arm")
+        assert held | {r.name for r in read.runs} == {r.name for r in read_case(source).runs}
 
 
 def test_the_untouched_case_is_the_data_as_they_are(check, sources):
@@ -241,16 +246,14 @@ BASE = says(COULOMB)
 
 def test_the_planted_cause_next_to_the_machines_own_is_right_on_whichever_side_an_axis_has():
     for side in ("left", "both"):
-        r = measured.judge_planted(
-            MASS, says(COULOMB, effect("payload_error", side, mass_kg=(0.12, [0.09, 0.15]))), BASE, ENTRY
-        )
+        r = judge_planted(MASS, says(COULOMB, effect("payload_error", side, mass_kg=(0.12, [0.09, 0.15]))), BASE, ENTRY)
         assert r["named"] and r["found"] and r["covered"] and r["base_kept"] and not r["new_false"]
         assert r["size_error"] == pytest.approx(0.2)
 
 
 @pytest.mark.parametrize("mass", [-0.1, 0.04, 0.25])
 def test_a_wrong_direction_or_a_size_off_by_more_than_a_factor_of_two_is_not_right(mass):
-    r = measured.judge_planted(MASS, says(COULOMB, effect("payload_error", mass_kg=mass)), BASE, ENTRY)
+    r = judge_planted(MASS, says(COULOMB, effect("payload_error", mass_kg=mass)), BASE, ENTRY)
     assert not r["found"] and not r["new_false"]
 
 
@@ -271,7 +274,7 @@ def test_a_change_that_undoes_what_the_machine_has_is_found_where_nothing_of_its
     """With 1.3 times 0.78 there is no gain left to name: what is not named has a ratio of 1."""
     right = effect("speed_gain", "right", ratio=0.78)
     for answer in (says(COULOMB, right), says(COULOMB)):
-        r = measured.judge_planted(WHEEL, answer, says(COULOMB, own), ENTRY)
+        r = judge_planted(WHEEL, answer, says(COULOMB, own), ENTRY)
         assert r["found"] and not r["named"] and r["match"]["undone"]
     # Something of the kind is named there, the machine has none of it, or one that the change does not undo.
     for answer, base in (
@@ -282,42 +285,42 @@ def test_a_change_that_undoes_what_the_machine_has_is_found_where_nothing_of_its
         (says(COULOMB), says(effect("speed_gain", "both", ratio=0.95))),
         (says(COULOMB), says(effect("speed_gain", "both", ratio=0.4))),
     ):
-        assert not measured.judge_planted(WHEEL, answer, base, ENTRY)["found"]
+        assert not judge_planted(WHEEL, answer, base, ENTRY)["found"]
 
 
 def test_a_gain_of_one_side_counts_from_what_both_sides_had():
     base = says(effect("speed_gain", "both", ratio=0.7))
-    r = measured.judge_planted(WHEEL, says(effect("speed_gain", ratio=(0.92, [0.88, 0.96]))), base, ENTRY)
+    r = judge_planted(WHEEL, says(effect("speed_gain", ratio=(0.92, [0.88, 0.96]))), base, ENTRY)
     assert r["named"] and r["covered"] and r["match"]["expected"] == pytest.approx([0.91, 0.91])
 
 
 def test_a_substitute_is_near_and_anything_else_blamed_again_is_a_false_cause():
-    r = measured.judge_planted(MASS, says(COULOMB, effect("driver_gain", ratio=0.85)), BASE, ENTRY)
+    r = judge_planted(MASS, says(COULOMB, effect("driver_gain", ratio=0.85)), BASE, ENTRY)
     assert r["near"] and not r["found"] and not r["new_false"]
-    r = measured.judge_planted(MASS, says(COULOMB, effect("backlash", angle_rad=0.1)), BASE, ENTRY)
+    r = judge_planted(MASS, says(COULOMB, effect("backlash", angle_rad=0.1)), BASE, ENTRY)
     assert not r["near"] and r["new_false"] and r["false"] == ["backlash"]
 
 
 def test_a_declared_set_of_three_counts_and_one_of_four_does_not():
     group = [("coulomb_friction", "left"), ("payload_error", "both"), ("backlash", "left")]
-    r = measured.judge_planted(MASS, says(COULOMB, sets=[group]), BASE, ENTRY)
+    r = judge_planted(MASS, says(COULOMB, sets=[group]), BASE, ENTRY)
     assert r["found"] and not r["named"] and r["covered"] is None
-    r = measured.judge_planted(MASS, says(COULOMB, sets=[[*group, ("speed_gain", "left")]]), BASE, ENTRY)
+    r = judge_planted(MASS, says(COULOMB, sets=[[*group, ("speed_gain", "left")]]), BASE, ENTRY)
     assert not r["found"]
 
 
 def test_an_effect_that_the_untouched_case_has_must_move_by_what_was_planted():
     base = says(effect("driver_gain", ratio=0.9))
-    r = measured.judge_planted(GAIN, says(effect("driver_gain", ratio=(0.72, [0.7, 0.75]))), base, ENTRY)
+    r = judge_planted(GAIN, says(effect("driver_gain", ratio=(0.72, [0.7, 0.75]))), base, ENTRY)
     assert r["named"] and r["covered"] and r["match"]["expected"] == pytest.approx([0.72, 0.72])
-    r = measured.judge_planted(GAIN, says(effect("driver_gain", ratio=0.9)), base, ENTRY)
+    r = judge_planted(GAIN, says(effect("driver_gain", ratio=0.9)), base, ENTRY)
     assert not r["found"] and r["silent"]
 
 
 def test_an_answer_of_unknown_or_none_at_all_finds_nothing():
-    r = measured.judge_planted(MASS, says(verdict="unknown"), BASE, ENTRY)
+    r = judge_planted(MASS, says(verdict="unknown"), BASE, ENTRY)
     assert r["unknown"] and not r["found"] and not r["silent"] and not r["base_kept"]
-    r = measured.judge_planted(MASS, None, BASE, {"seconds": 1.0, "said": "no good"})
+    r = judge_planted(MASS, None, BASE, {"seconds": 1.0, "said": "no good"})
     assert not r["answered"] and not r["near"] and r["complaint"] == "no good"
 
 
@@ -328,28 +331,49 @@ def test_answers_are_sealed_and_scored_like_all_others(check, tmp_path):
     script = tmp_path / "same.py"
     script.write_text(SAME)
     with pytest.raises(InputError, match="stays closed"):
-        measured.score_measured(out)
+        score_measured(out)
     seal.answer(out, command=[sys.executable, str(script)])
-    # The prediction of a test: the machine stands still.
+    bases = [case for case, truth in truths(out).items() if truth["kind"] == "base"]
+    # The prediction of a test: the untouched machine stands still, the others run away.
     still = tmp_path / "still.py"
     still.write_text(
         "import sys\nfrom pathlib import Path\nimport numpy as np\nfrom rtds_host.contract import *\n"
         "robot = load_robot(sys.argv[3])\nrun = read_run(sys.argv[1], robot)\n"
-        "write_csv(Path(sys.argv[7]), {'t': run.t, **{c: 0 * run.t for c in ('i_l', 'w_l', 'th_l')}})\n"
+        f"speed = 0.0 if set(Path(sys.argv[1]).parts) & {set(bases)!r} else 1e3\n"
+        "write_csv(Path(sys.argv[7]), {'t': run.t, **{c: speed + 0 * run.t for c in ('i_l', 'w_l', 'th_l')}})\n"
     )
-    result = measured.score_measured(out, command=[sys.executable, str(still)])
+    # The refit of a test: other sizes leave 1 of the untouched cases, and of the planted ones what is asked for.
+    refit = tmp_path / "refit.py"
+    refit.write_text(
+        "import json, sys\nfrom pathlib import Path\nleft, *bases, case, _, option = sys.argv[1:]\n"
+        "assert option == '--all'\n"
+        "print(json.dumps({'gap': 1.0 if Path(case).name in bases else float(left)}))\n"
+    )
+
+    def scored(left):
+        fitter = [sys.executable, str(refit), str(left), *bases]
+        return score_measured(out, command=[sys.executable, str(still)], fitter=fitter)
+
+    result = scored(9.0)
     assert result["all"]["cases"] == 18 and not any(r["named"] or r["new_false"] for r in result["cases"])
     assert result["bases"]["arm"]["included"] == ["coulomb_friction"]
     assert all(r["gap_opened"] == r["gap_left"] and r["base_kept"] for r in result["cases"])
-    assert all(r["visible"] == (r["gap_opened"] >= measured.VISIBLE * r["gap_base"]) for r in result["cases"])
+    assert all(r["visible"] == (r["gap_opened"] >= VISIBLE * r["gap_base"]) for r in result["cases"])
     assert all(r["restored"] == 0.0 for r in result["cases"] if r["visible"])
+    seen = sum(r["visible"] for r in result["cases"])
+    assert result["all"]["visible"] == result["all"]["judged"] == seen > 0
+    # What other sizes of the machine's own effects take in is not judged, and said so.
+    taken = scored(1.2)
+    assert taken["all"]["visible"] == seen and taken["all"]["judged"] == 0
+    assert all(r["taken_in"] for r in taken["cases"] if r["visible"])
+    assert "| taken in | " in (out / "score" / "page.md").read_text()
     assert "| slide | " in (out / "score" / "page.md").read_text()
     truth = out / "sealed" / "case-001" / "truth.json"
     data = json.loads(truth.read_text())
     data["truth"]["said"] = "something else"
     truth.write_text(json.dumps(data))
     with pytest.raises(InputError, match="differs"):
-        measured.score_measured(out)
+        score_measured(out)
 
 
 def test_the_command_line_makes_draws_and_scores_them(sources, tmp_path):
@@ -382,10 +406,10 @@ def test_a_delay_that_takes_the_place_of_the_bases_filter_holds_both_sizes():
         "same": [{"id": "measurement_delay", "subsystem": "timing", "parameter": "seconds", "low": 0.01, "high": 0.01}],
     }
     base = says(effect("speed_filter", time_constant_s=0.02))
-    r = measured.judge_planted(late, says(effect("measurement_delay", seconds=(0.031, [0.029, 0.033]))), base, ENTRY)
+    r = judge_planted(late, says(effect("measurement_delay", seconds=(0.031, [0.029, 0.033]))), base, ENTRY)
     assert r["named"] and r["covered"] and r["match"]["expected"] == pytest.approx([0.03, 0.03])
     both = says(effect("speed_filter", time_constant_s=0.02), effect("measurement_delay", seconds=0.011))
-    assert measured.judge_planted(late, both, base, ENTRY)["match"]["expected"] == pytest.approx([0.01, 0.01])
+    assert judge_planted(late, both, base, ENTRY)["match"]["expected"] == pytest.approx([0.01, 0.01])
 
 
 def test_a_gain_that_takes_the_place_of_the_bases_equivalent_holds_both_sizes():
@@ -394,16 +418,16 @@ def test_a_gain_that_takes_the_place_of_the_bases_equivalent_holds_both_sizes():
     gain = {**GAIN, "alike": [reading, winding]}
     answer = says(effect("driver_gain", ratio=(0.6, [0.58, 0.63])))
     for base in (says(effect("speed_gain", "both", ratio=0.75)), says(effect("resistance_error", ratio=1 / 0.75))):
-        r = measured.judge_planted(gain, answer, base, ENTRY)
+        r = judge_planted(gain, answer, base, ENTRY)
         assert r["named"] and r["covered"] and r["match"]["expected"] == pytest.approx([0.6, 0.6])
     # What the answer names as well holds its own size.
     kept = says(effect("driver_gain", ratio=0.6), effect("speed_gain", ratio=0.75))
-    assert not measured.judge_planted(gain, kept, says(effect("speed_gain", ratio=0.75)), ENTRY)["named"]
+    assert not judge_planted(gain, kept, says(effect("speed_gain", ratio=0.75)), ENTRY)["named"]
 
 
 def test_a_wider_form_of_what_the_base_names_is_neither_new_nor_lost():
     wider = effect("stribeck_friction", torque_nm=0.03, extra_torque_nm=0.01, speed_rad_s=1.0)
-    r = measured.judge_planted(MASS, says(wider, effect("payload_error", mass_kg=0.1)), BASE, ENTRY)
+    r = judge_planted(MASS, says(wider, effect("payload_error", mass_kg=0.1)), BASE, ENTRY)
     assert r["named"] and r["base_kept"] and not r["new_false"]
 
 
@@ -413,5 +437,5 @@ def test_the_bases_refit_goes_along_with_what_is_declared(sources, tmp_path):
     (tmp_path / "robot.toml").write_text(text.replace("resistance_ohm = 4.0", "resistance_ohm = 5.0"))
     base, planted = load_robot(sources[0] / "robot.toml"), load_robot(tmp_path / "robot.toml")
     said = {"effects": [], "nominal_fit": {"l": {"resistance_ohm": 4.04, "rotor_inertia_kg_m2": 3.9e-7}}}
-    fitted = measured.carried_over(said, base, planted)["nominal_fit"]["l"]
+    fitted = carried_over(said, base, planted)["nominal_fit"]["l"]
     assert fitted == pytest.approx({"resistance_ohm": 5.05, "rotor_inertia_kg_m2": 3.9e-7})
