@@ -5,8 +5,11 @@ data set come one untouched case, the base, and so many planted ones, shuffled a
 and opened like the other blind cases (`seal.py`). The diagnoser cannot tell the base from the rest.
 
 One run in four of each data set, the same for all its cases, is withheld from the diagnoser. On them the score measures
-how much of the gap that the planted change opened is closed again. Of less than four runs none is withheld, since what
+how much of the gap that the planted change opened is closed again. Of fewer than four runs none is withheld, since what
 is left would no longer be that machine's evidence. The gap is then one of runs that the diagnoser saw.
+
+Here the cases are made. `measured_answer.py` judges an answer, `measured_gaps.py` measures gaps, and
+`measured_score.py` writes the score.
 """
 
 from __future__ import annotations
@@ -22,14 +25,7 @@ import numpy as np
 from rtds_host.blind.plants import Plant, kinds
 from rtds_host.blind.seal import lock, publish, refuse_again, what_was_drawn
 from rtds_host.compat import tomllib
-from rtds_host.contract import (
-    Case,
-    RunLog,
-    places_of_case,
-    read_case,
-    refuse_inputs,
-    write_run,
-)
+from rtds_host.contract import Case, RunLog, places_of_case, read_case, refuse_inputs, write_run
 from rtds_host.errors import InputError
 from rtds_host.vectors import given
 

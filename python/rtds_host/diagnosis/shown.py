@@ -62,8 +62,8 @@ def fit_of(problem: Problem, diagnosis: dict[str, Any]) -> Fit:
 def smallest_gap(case: Case, diagnosis: dict[str, Any]) -> float:
     """The smallest gap that the effects of a diagnosis leave over the whole runs of a case, with sizes fitted to it.
 
-    The misfit has many local minima. So the fits start from the sizes of the diagnosis, from what they become over
-    pieces of an axis' runs, and are by plain squares and by the likelihood.
+    The misfit has many local minima. So the sizes are first fitted by the likelihood, over whole runs and, of an axis,
+    over pieces of them. From either they are fitted over whole runs by plain squares, and by the likelihood again.
 
     Returns
     -------
