@@ -25,12 +25,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.fit import Fit
-from rtds_host.diagnosis.left_out import Errors, Prediction, as_fitted, over_pieces, over_runs, predicted
+from rtds_host.diagnosis.left_out import (
+    Errors,
+    Prediction,
+    as_fitted,
+    over_pieces,
+    over_runs,
+    predicted,
+    predicted_in_few_steps,
+)
 from rtds_host.diagnosis.nuisances import SIGMAS
 from rtds_host.diagnosis.problem import Problem
 
@@ -52,17 +60,24 @@ class HeldOutScore:
     """A fit, the problem that it solves (over whole runs or over pieces), and its errors on held-out runs.
 
     horizons : errors by channel of each held-out run; over whole runs and, of an axis, over pieces that start from the
-    measured state.
+    measured state. converged : False where a fit without a run is not, which makes the score too good.
     """
 
     fit: Fit
     problem: Problem
     horizons: tuple[Sequence[Errors], ...]
+    converged: bool = True
 
     @classmethod
     def of(cls, problem: Problem, fit: Fit) -> HeldOutScore:
         """The score of a fit."""
         return cls._of_parts(problem, fit, predicted(problem, fit))
+
+    @classmethod
+    def in_few_steps(cls, problem: Problem, fit: Fit) -> HeldOutScore:
+        """The score with fits without a run by a few steps each, at a fraction of the cost."""
+        parts = predicted_in_few_steps(problem, fit)
+        return replace(cls._of_parts(problem, fit, parts), converged=all(one.converged for one in parts))
 
     @classmethod
     def in_sample(cls, problem: Problem, fit: Fit) -> HeldOutScore:
@@ -129,7 +144,12 @@ def posterior(one: HeldOutScore, prior: Callable[[Fit], float]) -> float:
 
 
 def chosen(found: Mapping[int, list[HeldOutScore]], prior: Callable[[Fit], float]) -> HeldOutScore:
-    """The explanation with the most effects that held-out runs support.
+    """The explanation with the most effects that held-out runs support, see `deciding`."""
+    return deciding(found, prior)[-1]
+
+
+def deciding(found: Mapping[int, list[HeldOutScore]], prior: Callable[[Fit], float]) -> list[HeldOutScore]:
+    """The supported explanations that decide the choice, fewest effects first; the last one is chosen.
 
     Some effects reduce the residual only together. So j further effects are supported if they reduce it to less than
     `MAX_RESIDUAL_RATIO`^j of that of the most probable explanation with fewer effects. Of the supported explanations
@@ -141,9 +161,10 @@ def chosen(found: Mapping[int, list[HeldOutScore]], prior: Callable[[Fit], float
     found : number of effects -> explanations; prior : -2 log prior density of a fit.
     """
     count = min(found)
-    best = min(found[count], key=lambda one: posterior(one, prior))
+    chain = [min(found[count], key=lambda one: posterior(one, prior))]
     for n in sorted(found):
         limit = MAX_RESIDUAL_RATIO ** (n - count)
-        if n > count and (larger := [one for one in found[n] if residual_ratio(one, best) < limit]):
-            count, best = n, min(larger, key=lambda one: posterior(one, prior))
-    return best
+        if n > count and (larger := [one for one in found[n] if residual_ratio(one, chain[-1]) < limit]):
+            count = n
+            chain.append(min(larger, key=lambda one: posterior(one, prior)))
+    return chain

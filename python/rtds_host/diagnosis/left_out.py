@@ -1,6 +1,8 @@
 """What an explanation predicts of runs that it was not fitted to (contract, sections 4 and 5).
 
-The fit without a run is a few steps from the fit to all; of a single run each half is left out in turn.
+Each run is left out in turn, of a single run each half, and the explanation is fitted to the others by a few steps from
+the fit to all (`left_out_in_few_steps`). Where such a step fails, the sizes stay as the run itself asked for, and its
+prediction is too good. Where that matters, the explanation is fitted to the others until it converges (`left_out`).
 """
 
 from __future__ import annotations
@@ -11,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rtds_host.diagnosis import gap as gaps
-from rtds_host.diagnosis.fit import Fit, parameters, prior_weight
+from rtds_host.diagnosis.fit import Fit, Fitter, Requesting, parameters, prior_weight, side_by_side
 from rtds_host.diagnosis.likelihood import multiply_into
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import Model, replay_run
@@ -24,8 +26,46 @@ Errors = Mapping[str, gaps.Squares]
 STEPS, TRUSTED, SHORT = 2, 3.0, 0.25
 
 
-def left_out(problem: Problem, fit: Fit, parts: list[np.ndarray]) -> list[Model]:
+def left_out(problem: Problem, fit: Fit, parts: Sequence[np.ndarray]) -> list[Model]:
     """The explanation fitted without each of some parts of the residuals: rows (m,) each, all N of them together.
+
+    By a few steps from the fit to all; where one of them fails, to convergence.
+    """
+    models, failed = left_out_in_few_steps(problem, fit, parts)
+    again = [k for k, one in enumerate(failed) if one]
+    for k, model in zip(again, _converged(problem, fit, [parts[k] for k in again]), strict=True):
+        models[k] = model
+    return models
+
+
+def _converged(problem: Problem, fit: Fit, parts: Sequence[np.ndarray]) -> list[Model]:
+    """The explanation fitted to convergence without each of some parts, by the objective that it was fitted by."""
+    works = []
+    for rows in parts:
+        seen = np.ones(len(fit.residual), np.float32)
+        seen[rows] = 0.0
+        fitter = Fitter(problem, fit.start)
+        fitter.effects = fit.effects
+        by_nuisance = fit.by_nuisance * seen[:, None]
+        plain = fit.noise.root is None
+        work = fitter.fitting(fit.hypothesis, fit.u, fit.z, fit.noise, fixed=plain, by_nuisance=by_nuisance)
+        works.append(_seeing(work, seen))
+    return [found.model(problem) for found in side_by_side(problem, works)]
+
+
+def _seeing(work: Requesting[Fit], seen: np.ndarray) -> Requesting[Fit]:
+    """A fit to some of the residuals: of the others, where `seen` (N,) is zero, it gets none."""
+    try:
+        asked = next(work)
+        while True:
+            found = yield asked
+            asked = work.send([residual * seen for residual in found])
+    except StopIteration as end:
+        return end.value
+
+
+def left_out_in_few_steps(problem: Problem, fit: Fit, parts: Sequence[np.ndarray]) -> tuple[list[Model], list[bool]]:
+    """The explanation fitted without each of some parts of the residuals, and for which of them the last step failed.
 
     Gauss-Newton steps with the derivatives of the fit to all; the weights of the likelihood are those of the residuals
     that are left, since a run that is left out no longer bends the others. Only steps that lower the cost of the rows
@@ -38,23 +78,25 @@ def left_out(problem: Problem, fit: Fit, parts: list[np.ndarray]) -> list[Model]
     moves = [np.zeros(len(fit.free)) for _ in parts]
     best, taken = list(moves), [_cost(fit, fit.residual, other) for other in others]
     residuals, going = [fit.residual] * len(parts), list(range(len(parts)))
+    failed = [False] * len(parts)
     for turn in range(STEPS):
         if not going:
             break
         if turn:
-            asked = [_asked(fit, keep, residuals[k], parts[:k] + parts[k + 1 :], moves[k]) for k in going]
+            asked = [_asked(fit, keep, residuals[k], [*parts[:k], *parts[k + 1 :]], moves[k]) for k in going]
         else:
             asked = _asked_at_fit(fit, keep, parts)
         steps = [_step(fit, keep, *one) for one in asked]
         for k, (step, _) in zip(going, steps, strict=True):
             moves[k] = moves[k] + step
         found = problem.residuals([_moved(problem, fit, moves[k]) for k in going])
-        for k, residual in zip(going, found, strict=True):
+        for k, residual, (_, sigmas) in zip(going, found, steps, strict=True):
             residuals[k], cost = residual, _cost(fit, residual, others[k])
+            failed[k] = sigmas > SHORT and cost >= taken[k]
             if cost < taken[k]:
                 best[k], taken[k] = moves[k], cost
         going = [k for k, (_, sigmas) in zip(going, steps, strict=True) if sigmas > SHORT]
-    return [_moved(problem, fit, move) for move in best]
+    return [_moved(problem, fit, move) for move in best], failed
 
 
 def _cost(fit: Fit, residual: np.ndarray, others: np.ndarray) -> float:
@@ -145,25 +187,44 @@ def parted(problem: Problem) -> list[list[tuple[int, int, np.ndarray]]]:
 
 @dataclass(frozen=True)
 class Prediction:
-    """A part of a run and the explanation as fitted without it: the run's index, first row and last (exclusive)."""
+    """A part of a run and the explanation as fitted without it: the run's index, first row and last (exclusive).
+
+    converged : False where a step of that fit failed, so that its parameters are in part those of the fit to all.
+    """
 
     run: int
     first: int
     last: int
     model: Model
+    converged: bool = True
 
 
 def predicted(problem: Problem, fit: Fit) -> list[Prediction]:
     """The explanation fitted without each run in turn; of a single run without each half."""
-    parts = [(k, *one) for k, mine in enumerate(parted(problem)) for one in mine]
+    parts = _in_turn(problem)
     models = left_out(problem, fit, [rows for *_, rows in parts])
     return [Prediction(k, first, last, model) for (k, first, last, _), model in zip(parts, models, strict=True)]
+
+
+def predicted_in_few_steps(problem: Problem, fit: Fit) -> list[Prediction]:
+    """The same by a few steps from the fit to all."""
+    parts = _in_turn(problem)
+    fitted = left_out_in_few_steps(problem, fit, [rows for *_, rows in parts])
+    return [
+        Prediction(k, first, last, model, not failed)
+        for (k, first, last, _), model, failed in zip(parts, *fitted, strict=True)
+    ]
 
 
 def as_fitted(problem: Problem, fit: Fit) -> list[Prediction]:
     """The same parts and the explanation as it was fitted to all of them."""
     model = fit.model(problem)
-    return [Prediction(k, first, last, model) for k, mine in enumerate(parted(problem)) for first, last, _ in mine]
+    return [Prediction(k, first, last, model) for k, first, last, _ in _in_turn(problem)]
+
+
+def _in_turn(problem: Problem) -> list[tuple[int, int, int, np.ndarray]]:
+    """The parts of all runs, see `parted`: a run's index, first row, last (exclusive) and the rows of the residuals."""
+    return [(k, *one) for k, mine in enumerate(parted(problem)) for one in mine]
 
 
 def over_runs(problem: Problem, parts: Sequence[Prediction]) -> list[Errors]:

@@ -82,8 +82,8 @@ def _leaves_as_little(store: Store, fit: Fit) -> Callable[[Fit], bool]:
     within a tenth as large; else no gap that is worth naming."""
     if store.within_noise(fit):
         return lambda other: store.admissible(other) and not opens_gap(store.gap(other), store.gap(fit))
-    most = EQUIVALENT_GAP_RATIO * HeldOutScore.of(store.problem, fit).gap
-    return lambda other: store.admissible(other) and HeldOutScore.of(store.problem, other).gap <= most
+    most = EQUIVALENT_GAP_RATIO * HeldOutScore.in_few_steps(store.problem, fit).gap
+    return lambda other: store.admissible(other) and HeldOutScore.in_few_steps(store.problem, other).gap <= most
 
 
 def _is_possible(

@@ -646,7 +646,7 @@ def test_a_form_that_helps_too_little_alone_is_taken_with_the_next_one_or_not_at
             return None
         return SimpleNamespace(form=SimpleNamespace(id=f"form {power}"), side="both"), score(power)
 
-    monkeypatch.setattr(search_module, "HeldOutScore", SimpleNamespace(of=lambda *_: score(100.0)))
+    monkeypatch.setattr(search_module, "HeldOutScore", SimpleNamespace(in_few_steps=lambda *_: score(100.0)))
     monkeypatch.setattr(search_module, "next_form", following)
     for name in ("drop_needless", "keep_sizes", "fewer"):
         monkeypatch.setattr(search_module, name, lambda *_: [])
@@ -659,7 +659,9 @@ def test_several_names_may_replace_one_curve(monkeypatch):
     """The two that help least are left out together, then the three."""
     causes = [("winding_heating", "both"), ("resistance_error", "both"), ("friction_asymmetry", "both")]
     lacking = dict(zip(causes, (9.0, 3.5, 2.8), strict=True))
-    monkeypatch.setattr(search_module, "HeldOutScore", SimpleNamespace(of=lambda _, gap: SimpleNamespace(gap=gap)))
+    monkeypatch.setattr(
+        search_module, "HeldOutScore", SimpleNamespace(in_few_steps=lambda _, gap: SimpleNamespace(gap=gap))
+    )
     monkeypatch.setattr(search_module, "without_all", lambda problem, fit, sets: sets)
     assert search_module.fewer(None, None, lacking) == [causes[:0:-1], [causes[2], causes[1], causes[0]]]
     assert search_module.fewer(None, None, {causes[0]: 9.0}) == []

@@ -44,13 +44,13 @@ def case_of(*changes) -> tuple[Problem, Fit]:
 
 def one_after_the_other(problem: Problem, bare: Fit, *forms: Form) -> list[HeldOutScore]:
     """The explanation without a form and with one after the other, each fitted to all runs."""
-    judged, fit = [HeldOutScore.of(problem, bare)], bare
+    judged, fit = [HeldOutScore.in_few_steps(problem, bare)], bare
     for form in forms:
         fitter = Fitter(problem, fit.start)
         fitter.effects = {**fit.effects, form.id: form.effect()}
         hypothesis, start = joined({**fit.parts, (form.id, "both"): np.zeros(len(form.effect().parameters))})
         fit = fitter.fit(hypothesis, start, fit.z, fit.noise)
-        judged.append(HeldOutScore.of(problem, fit))
+        judged.append(HeldOutScore.in_few_steps(problem, fit))
     return judged
 
 
@@ -128,7 +128,7 @@ def test_a_form_with_evidence_against_its_ends_competes_until_they_are_moved(mon
     problem = SimpleNamespace(follow_angles=lambda on: None)
     reading = Form("current_sensor", "i", -0.03, 0.03, 0.01)
     against, good = tried(reading, 2.1, 300.0), tried(OVER_COMMAND, 2.6, -20.0)
-    monkeypatch.setattr(search.HeldOutScore, "of", lambda problem, fit: good[0])
+    monkeypatch.setattr(search.HeldOutScore, "in_few_steps", lambda problem, fit: good[0])
 
     def gaps(judged):
         return [[best.gap for _, best in pool] for pool in search.choices(problem, {}, judged, True)]

@@ -17,7 +17,7 @@ from rtds_host.diagnosis.forms.fits import STEPS, Cause
 from rtds_host.diagnosis.forms.formula import ENOUGH, fitted, laws, sharpened
 from rtds_host.diagnosis.forms.horizons import searched_over_both
 from rtds_host.diagnosis.forms.search import Found, closes, curves_of_superseded, values_of
-from rtds_host.diagnosis.left_out import left_out, parted
+from rtds_host.diagnosis.left_out import left_out_in_few_steps, parted
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import REPORT_STEP_S, Model, replay_run
 from rtds_host.diagnosis.report.words import OVER_WORDS, TERM_WORDS, effect_name
@@ -89,7 +89,7 @@ def forms_of(
         named = found.judged[0].fit
         kept = {cause: u for cause, u in named.parts.items() if cause not in found.superseded}
         bare = Fitter(problem, named.start).fit(*joined(kept), named.z, named.noise, STEPS)
-        found.judged[0] = HeldOutScore.of(problem, bare)
+        found.judged[0] = HeldOutScore.in_few_steps(problem, bare)
     entries = [
         _entry(problem, found, form, side, share, refuted.get(form.id, []))
         for (form, side), share in zip(found.forms, closes(found), strict=True)
@@ -134,7 +134,7 @@ def approximate(problem: Problem, found: Found) -> list[str]:
 def reported_gap(problem: Problem, fit: Fit) -> float:
     """The gap of an explanation on runs left out in turn, at the steps of what is reported (see `heldout`)."""
     parts = parted(problem)
-    models = iter(left_out(problem, fit, [rows for mine in parts for *_, rows in mine]))
+    models = iter(left_out_in_few_steps(problem, fit, [rows for mine in parts for *_, rows in mine])[0])
     step = min(REPORT_STEP_S, fit.model(problem).step_s)
     squares = []
     for data, mine in zip(problem.whole_runs_starting(fit.start), parts, strict=True):

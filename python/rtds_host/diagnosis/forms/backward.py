@@ -37,7 +37,7 @@ def eliminated(
     kept, now, checked = list(forms), judged[-1], list(forms[:-1])
     while checked:
         fits = refitted_without(problem, now.fit, [(form.id, side) for form, side in checked])
-        fewer = [HeldOutScore.of(problem, fit) for fit in fits]
+        fewer = [HeldOutScore.in_few_steps(problem, fit) for fit in fits]
         needless = [(less.gap, k) for k, less in enumerate(fewer) if not supported(now, less)]
         if not needless:
             break
@@ -50,8 +50,8 @@ def eliminated(
     if not kept:
         return [judged[0]], kept
     # What each form closes is a difference between explanations that have the forms before it.
-    chain = [HeldOutScore.of(problem, renewed(problem, derived(problem, now.fit)))]
+    chain = [HeldOutScore.in_few_steps(problem, renewed(problem, derived(problem, now.fit)))]
     for form, side in reversed(kept[1:]):
         (fit,) = refitted_without(problem, chain[0].fit, [(form.id, side)])
-        chain.insert(0, HeldOutScore.of(problem, fit))
+        chain.insert(0, HeldOutScore.in_few_steps(problem, fit))
     return [judged[0], *chain], kept

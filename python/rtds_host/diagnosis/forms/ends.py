@@ -99,7 +99,9 @@ def with_ends(
             if not tried:
                 break
             fitted = fits([one for _, one in tried])
-            judged = [(HeldOutScore.of(problem, fit), to, one) for (to, one), fit in zip(tried, fitted, strict=True)]
+            judged = [
+                (HeldOutScore.in_few_steps(problem, fit), to, one) for (to, one), fit in zip(tried, fitted, strict=True)
+            ]
             least, to, one = min(judged, key=lambda each: each[0].gap)
             if pooled(least, best) > GAINS:
                 break

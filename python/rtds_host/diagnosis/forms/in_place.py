@@ -76,7 +76,7 @@ def in_place(problem: Problem, fit: Fit, name: str) -> InPlace:
     mine = [cause for cause in fit.hypothesis if cause[0] == name]
     if not mine:
         raise InputError(f"{name}: the diagnosis does not name it")
-    named = HeldOutScore.of(problem, fit)
+    named = HeldOutScore.in_few_steps(problem, fit)
     without: Hypothesis = tuple(cause for cause in fit.hypothesis if cause != mine[0])
     fitter = Fitter(problem, fit.start)
     parts = {cause: u for cause, u in fit.parts.items() if cause in without}
@@ -91,7 +91,7 @@ def in_place(problem: Problem, fit: Fit, name: str) -> InPlace:
     fitter.effects = {**problem.effects, candidate.form.id: candidate.form.effect()}
     hypothesis, start = joined({**bare.parts, (candidate.form.id, candidate.side): candidate.start})
     curved = fitter.fit(hypothesis, start, bare.z, bare.noise, STEPS)
-    return InPlace(candidate.form, candidate.side, named, HeldOutScore.of(problem, curved))
+    return InPlace(candidate.form, candidate.side, named, HeldOutScore.in_few_steps(problem, curved))
 
 
 def main(

@@ -93,7 +93,7 @@ def searched(problem: Problem, fit: Fit, quick: bool, lacking: Mapping[Cause, Fi
         # Fitted by plain squares, as the explanation without effects is: its evidence is compared with that of fits by
         # the likelihood that its residual has.
         fit = replace(fit, noise=problem.white().estimated(fit.residual))
-    found = Found([HeldOutScore.of(problem, fit)])
+    found = Found([HeldOutScore.in_few_steps(problem, fit)])
     known: dict[str, Effect] = dict(fit.effects)
     lacking = lacking or {}
     bases: list[Fit] = []
@@ -137,7 +137,7 @@ def searched(problem: Problem, fit: Fit, quick: bool, lacking: Mapping[Cause, Fi
 def fewer(problem: Problem, fit: Fit, lacking: Mapping[Cause, Fit]) -> list[Fit]:
     """An explanation without the two of its effects that help least, without the three, and so on: several names may
     replace one curve."""
-    order = sorted(lacking, key=lambda cause: HeldOutScore.of(problem, lacking[cause]).gap)
+    order = sorted(lacking, key=lambda cause: HeldOutScore.in_few_steps(problem, lacking[cause]).gap)
     return without_all(problem, fit, [order[:count] for count in range(2, len(order) + 1)])
 
 
@@ -161,7 +161,7 @@ def keep_sizes(problem: Problem, found: Found) -> None:
     # Derivatives hold near where they were taken: one step goes by those at its end, parts by those at each start.
     ways: list[HeldOutScore] = []
     for parts in PARTS:
-        ways.append(HeldOutScore.of(problem, renewed(problem, _with_sizes_of(problem, found, held, parts))))
+        ways.append(HeldOutScore.in_few_steps(problem, renewed(problem, _with_sizes_of(problem, found, held, parts))))
         kept = min(ways, key=lambda one: one.gap)
         if len(ways) > 1 and pooled(kept, found.judged[0]) <= MAX_RESIDUAL_RATIO:
             break
@@ -233,7 +233,10 @@ def next_form(
         if fit.score < base.score or movable(one.form)
     ]
     open_loop = renewed_each(problem, [fit for fit, *_ in kept])
-    judged = [(HeldOutScore.of(problem, fit), base, one) for fit, (_, base, one) in zip(open_loop, kept, strict=True)]
+    judged = [
+        (HeldOutScore.in_few_steps(problem, fit), base, one)
+        for fit, (_, base, one) in zip(open_loop, kept, strict=True)
+    ]
     judged.sort(key=lambda each: each[0].gap)
     for ended in choices(problem, known, judged, quick):
         candidate, best = _smallest_residual(ended)
@@ -243,7 +246,7 @@ def next_form(
             candidate, best = with_ends(problem, fits, candidate, best, moves)
             if candidate is not before:
                 best = refined(problem, known, candidate, best)
-        best = HeldOutScore.of(problem, renewed(problem, derived(problem, best.fit)))
+        best = HeldOutScore.in_few_steps(problem, renewed(problem, derived(problem, best.fit)))
         base = _base(best.fit, candidate, (now.fit, *lacking))
         if best.fit.score < base.score:
             break
@@ -270,7 +273,7 @@ def refined(
     problem.follow_angles(True)
     fit = fitted(problem, rough.fit, known, candidate)
     problem.follow_angles(False)
-    return min(rough, HeldOutScore.of(problem, renewed(problem, fit)), key=lambda one: one.gap)
+    return min(rough, HeldOutScore.in_few_steps(problem, renewed(problem, fit)), key=lambda one: one.gap)
 
 
 def _base(fit: Fit, one: FormCandidate, bases: Sequence[Fit]) -> Fit:
@@ -301,7 +304,7 @@ def choices(
     problem.follow_angles(False)
     # What the likelihood ends in may leave more of runs left out than what the rough fit came to.
     ended = [
-        (one, HeldOutScore.of(problem, renewed(problem, fit)) if fit is not rough.fit else rough)
+        (one, HeldOutScore.in_few_steps(problem, renewed(problem, fit)) if fit is not rough.fit else rough)
         for (rough, base, one), converged in zip(good, fits, strict=True)
         for fit in (rough.fit, converged)
         if fit.score < base.score
@@ -362,7 +365,7 @@ def drop_superseded(problem: Problem, found: Found, lacking: Mapping[Cause, Fit]
             now = found.judged[-1]
             # Fitted, it may take what the curves had made better: then they keep it.
             fits = (_again(problem, found, cause, held) for held in ((), (cause,)))
-            again = min((HeldOutScore.of(problem, one) for one in fits), key=lambda one: one.gap)
+            again = min((HeldOutScore.in_few_steps(problem, one) for one in fits), key=lambda one: one.gap)
             helps = residual_ratio(again, now) <= MAX_RESIDUAL_RATIO
             if helps or _keeps_name(problem, found, cause, now, lacking[cause]):
                 found.judged[-1] = again
@@ -372,7 +375,7 @@ def drop_superseded(problem: Problem, found: Found, lacking: Mapping[Cause, Fit]
         for cause in named:
             if cause not in now.fit.hypothesis:
                 continue
-            less = HeldOutScore.of(problem, _lacking(problem, found, cause))
+            less = HeldOutScore.in_few_steps(problem, _lacking(problem, found, cause))
             helps = residual_ratio(now, less) <= MAX_RESIDUAL_RATIO
             if not (helps or _keeps_name(problem, found, cause, less, lacking[cause])):
                 needless.append((less.gap, cause, less))
@@ -423,7 +426,7 @@ def _keeps_name(problem: Problem, found: Found, cause: Cause, less: HeldOutScore
 
     less : with the curves and without the effect; lacking : with neither.
     """
-    neither = HeldOutScore.of(problem, lacking).residual_power
+    neither = HeldOutScore.in_few_steps(problem, lacking).residual_power
     named, curves = found.judged[0].residual_power, less.residual_power
     if makes_larger_part(named, curves, neither):
         found.made.add(cause)
@@ -471,7 +474,7 @@ def _named(problem: Problem, now: HeldOutScore, judged: HeldOutScore, candidate:
             start = np.array([p.scaled(first if p is effect.parameters[0] else p.starts[0]) for p in effect.parameters])
             hypothesis, u = joined({**now.fit.parts, (name, side): start})
             fit = fitter.fit(hypothesis, u, now.fit.z, now.fit.noise, STEPS, by_nuisance=now.fit.by_nuisance)
-            if HeldOutScore.of(problem, fit).gap <= EQUIVALENT_GAP_RATIO * judged.gap:
+            if HeldOutScore.in_few_steps(problem, fit).gap <= EQUIVALENT_GAP_RATIO * judged.gap:
                 return name
     return None
 

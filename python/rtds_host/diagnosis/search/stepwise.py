@@ -14,7 +14,7 @@ import itertools
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 
-from rtds_host.diagnosis.choice import MAX_RESIDUAL_RATIO, HeldOutScore, chosen, posterior, residual_ratio
+from rtds_host.diagnosis.choice import MAX_RESIDUAL_RATIO, HeldOutScore, deciding, posterior, residual_ratio
 from rtds_host.diagnosis.fit import Fit, Hypothesis
 from rtds_host.diagnosis.gap import LEAST
 from rtds_host.diagnosis.search.beam import additions, most_probable, screenings, widened
@@ -47,7 +47,7 @@ class Selection:
     def judge(self, search: Search, fits: Sequence[Fit]) -> None:
         """Settle explanations of a search, score them on held-out runs and add those that could be chosen; none is
         scored twice."""
-        problem, selected = search.problem, self.choice()[1] if self._judged else None
+        problem, selected = search.problem, self._deciding()[0][-1] if self._judged else None
         new = [fit for fit in fits if fit not in self._seen]
         good = [
             fit
@@ -60,7 +60,7 @@ class Selection:
         settled = [end if search.store.admissible(end) else fit for fit, end in ends]
         problem.follow_angles(False)
         self._seen.update(new, settled)
-        self._judged |= {fit: (HeldOutScore.of(problem, fit), search) for fit in settled}
+        self._judged |= {fit: (HeldOutScore.in_few_steps(problem, fit), search) for fit in settled}
 
     def could_be_chosen(self, one: HeldOutScore, selected: HeldOutScore) -> bool:
         """Whether an explanation with this in-sample score could be chosen, or decide whether one with more effects is.
@@ -84,14 +84,26 @@ class Selection:
 
         without : explanations that are not to be chosen; others : further ones, with the search that each is of.
         """
+        while True:
+            chain, found_by = self._deciding(without, others)
+            # What decides must not owe it to a fit without a run that had failed.
+            unconverged = [score for score in chain if not score.converged]
+            if not unconverged:
+                return found_by[chain[-1].fit], chain[-1]
+            for score in unconverged:
+                self._judged[score.fit] = HeldOutScore.of(score.problem, score.fit), found_by[score.fit]
+
+    def _deciding(
+        self, without: Collection[Hypothesis] = (), others: Sequence[tuple[HeldOutScore, Search]] = ()
+    ) -> tuple[list[HeldOutScore], dict[Fit, Search]]:
+        """The scores that decide a choice, by what is known of them, and the search that each fit is of."""
         judged = [pair for fit, pair in self._judged.items() if fit.hypothesis not in without]
         by_count: dict[int, list[HeldOutScore]] = {}
         found_by: dict[Fit, Search] = {}
         for score, search in (*judged, *others):
             by_count.setdefault(len(score.fit.hypothesis), []).append(score)
             found_by[score.fit] = search
-        selected = chosen(by_count, self.searches[0].store.prior)
-        return found_by[selected.fit], selected
+        return deciding(by_count, self.searches[0].store.prior), found_by
 
     def _most_promising(self, selected: HeldOutScore, tried: set[Hypothesis]) -> HeldOutScore | None:
         """The explanation to take the next steps from: the selected one, or else the one that comes closest to being
