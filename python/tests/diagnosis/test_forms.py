@@ -13,8 +13,9 @@ from rtds_host.correction.translate import translate
 from rtds_host.diagnosis import diagnose as diagnose_module
 from rtds_host.diagnosis import forms as forms_package
 from rtds_host.diagnosis.attribution import Attribution
+from rtds_host.diagnosis.choice import HeldOutScore
 from rtds_host.diagnosis.diagnose import Investigation, setup_of, with_forms, without_superseded
-from rtds_host.diagnosis.fit import Fit, Fitter
+from rtds_host.diagnosis.fit import Fit, Fitter, joined
 from rtds_host.diagnosis.forms import Forms, approximate, forms_of, horizons
 from rtds_host.diagnosis.forms import search as search_module
 from rtds_host.diagnosis.forms.curves import Form, points_of, put, shapes
@@ -348,6 +349,23 @@ def test_a_name_that_helps_next_to_a_curve_stays():
     assert [(form.term, form.over) for form, _ in found.forms] == [("torque", "th")]
     assert found.superseded == []
     assert found.fit.values[found.fit.hypothesis.index(cause)]["torque_nm"] == pytest.approx(0.05, rel=0.1)
+
+
+def test_a_name_that_a_fit_with_curves_moved_to_its_bound_keeps_the_size_that_it_had_without_them():
+    """At a bound it is no cause, and the curve is another equation's."""
+
+    def change(model):
+        ripples(model)
+        model.add("coulomb", 0.05)
+
+    problem, found, cause = searched_with_friction(change)
+    before, fit = found.judged[0].fit, found.fit
+    (friction,) = fit.effects[cause[0]].parameters
+    hypothesis, u = joined({**fit.parts, cause: np.array([friction.scaled(friction.high)])})
+    found.judged[-1] = HeldOutScore.in_few_steps(problem, replace(fit, hypothesis=hypothesis, u=u))
+    keep_sizes(problem, found)
+    assert [(form.term, form.over) for form, _ in found.forms] == [("torque", "th")]
+    assert found.fit.parts[cause] == pytest.approx(before.parts[cause])
 
 
 def bent(model) -> None:

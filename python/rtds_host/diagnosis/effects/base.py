@@ -104,8 +104,9 @@ class Parameter:
         return name, unit, getattr(axis, name)
 
 
-# Numerical: how far a bound moves when it is written to four digits or more.
-WRITTEN = 1e-4
+# Numerical: how far a bound moves when it is written to four digits or more, and how near to a bound, in prior widths,
+# a fit may end that leads there.
+WRITTEN, AT_END = 1e-4, 0.01
 
 
 def inside(value: float, low: float, high: float) -> float | None:
@@ -234,14 +235,14 @@ class Effect:
         return {p.name: min(max(values.get(p.name, p.starts[0]), p.low), p.high) for p in self.parameters}
 
     def at_its_bound(self, values: Mapping[str, float]) -> bool:
-        """Whether a parameter lies at an end of what was looked at, its absence left out; as logarithms come back.
+        """Whether a parameter lies at an end of what was looked at, its absence left out, or closer to it than a fit
+        comes.
 
         The end at which a parameter is absent is none of these.
         """
         for p in self.parameters:
-            value = values[p.name]
-            low, high = p.low + WRITTEN * abs(p.low), p.high - WRITTEN * abs(p.high)
-            if value >= high or (value <= low and p.low != p.null):
+            value = p.scaled(values[p.name])
+            if value >= p.scaled(p.high) - AT_END or (p.low != p.null and value <= p.scaled(p.low) + AT_END):
                 return True
         return False
 

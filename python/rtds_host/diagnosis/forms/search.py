@@ -148,13 +148,17 @@ def drop_needless(problem: Problem, found: Found) -> None:
 
 def keep_sizes(problem: Problem, found: Found) -> None:
     """Give effects whose larger part the curves can make the sizes that they have without any, unless other sizes leave
-    clearly less: how much of the sum is the effect's no run says, and a curve is what names leave. Curves that held-out
-    runs no longer support then are no forms, and they supersede no name."""
+    clearly less: how much of the sum is the effect's no run says, and a curve is what names leave. The same for effects
+    that the fit with curves moved to a bound, where none is a cause. Curves that held-out runs no longer support then
+    are no forms, and they supersede no name."""
     before, now = found.judged[0].fit, found.fit
+    values = dict(zip(now.hypothesis, now.values, strict=True))
+    named = [cause for cause in before.hypothesis if cause in values]
+    at_bound = [cause for cause in named if now.effects[cause[0]].at_its_bound(values[cause])]
     held = [
         cause
-        for cause in before.hypothesis
-        if cause in now.parts and (cause in found.made or _made_by_curves(found, cause, 1.0 - MAJORITY) is not None)
+        for cause in named
+        if cause in at_bound or cause in found.made or _made_by_curves(found, cause, 1.0 - MAJORITY) is not None
     ]
     if not held:
         return
@@ -166,7 +170,7 @@ def keep_sizes(problem: Problem, found: Found) -> None:
         if len(ways) > 1 and pooled(kept, found.judged[0]) <= MAX_RESIDUAL_RATIO:
             break
     shapes_of_curves = found.made or any(_made_by_curves(found, cause, MINOR_SHARE) is not None for cause in held)
-    if not shapes_of_curves and pooled(found.judged[-1], kept) <= MAX_RESIDUAL_RATIO:
+    if not (at_bound or shapes_of_curves) and pooled(found.judged[-1], kept) <= MAX_RESIDUAL_RATIO:
         return  # the runs do say how much of the sum is the effect's
     if pooled(kept, found.judged[0]) <= MAX_RESIDUAL_RATIO:
         found.judged[-1] = kept
