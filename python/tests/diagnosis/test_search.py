@@ -860,9 +860,9 @@ def test_what_one_side_has_next_to_an_effect_of_both_may_be_that_effect_of_anoth
     assert renaming.parted_sides(search.store, alone, ("pwm_curve", "both")) == []
 
 
-@pytest.mark.parametrize(("delay_s", "named"), [(0.0, True), (0.05, True), (0.1, False)])
+@pytest.mark.parametrize(("delay_s", "named"), [(0.0, True), (0.05, True), (0.0999, False), (0.1, False)])
 def test_a_parameter_that_shapes_an_effect_lies_at_no_bound_either_but_where_it_is_absent(delay_s, named):
-    """A filter whose delay is as long as is looked at is a delay of all samples."""
+    """A filter whose delay is as long as is looked at, or nearly, is a delay of all samples."""
     filtered = ("speed_filter", "both"), {"time_constant_s": 0.4, "delay_s": delay_s}
     search, fit = fitted(make_case(), filtered)
     assert search.store.admissible(replace(fit, u=scaled(search.store.effects, (filtered[0],), [filtered[1]]))) is named
