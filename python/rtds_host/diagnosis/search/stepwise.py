@@ -47,7 +47,7 @@ class Selection:
     def judge(self, search: Search, fits: Sequence[Fit]) -> None:
         """Settle explanations of a search, score them on held-out runs and add those that could be chosen; none is
         scored twice."""
-        problem, selected = search.problem, self._deciding()[0][-1] if self._judged else None
+        problem, selected = search.problem, self.choice()[1] if self._judged else None
         new = [fit for fit in fits if fit not in self._seen]
         good = [
             fit
@@ -85,25 +85,19 @@ class Selection:
         without : explanations that are not to be chosen; others : further ones, with the search that each is of.
         """
         while True:
-            chain, found_by = self._deciding(without, others)
-            # What decides must not owe it to a fit without a run that had failed.
-            unconverged = [score for score in chain if not score.converged]
+            by_count: dict[int, list[HeldOutScore]] = {}
+            found_by: dict[Fit, Search] = {}
+            known = [pair for fit, pair in self._judged.items() if fit.hypothesis not in without]
+            for score, search in (*known, *others):
+                by_count.setdefault(len(score.fit.hypothesis), []).append(score)
+                found_by[score.fit] = search
+            decisive = deciding(by_count, self.searches[0].store.prior)
+            # None of them may owe it to a fit without a run that had failed.
+            unconverged = [score for score in decisive if not score.converged]
             if not unconverged:
-                return found_by[chain[-1].fit], chain[-1]
+                return found_by[decisive[-1].fit], decisive[-1]
             for score in unconverged:
                 self._judged[score.fit] = HeldOutScore.of(score.problem, score.fit), found_by[score.fit]
-
-    def _deciding(
-        self, without: Collection[Hypothesis] = (), others: Sequence[tuple[HeldOutScore, Search]] = ()
-    ) -> tuple[list[HeldOutScore], dict[Fit, Search]]:
-        """The scores that decide a choice, by what is known of them, and the search that each fit is of."""
-        judged = [pair for fit, pair in self._judged.items() if fit.hypothesis not in without]
-        by_count: dict[int, list[HeldOutScore]] = {}
-        found_by: dict[Fit, Search] = {}
-        for score, search in (*judged, *others):
-            by_count.setdefault(len(score.fit.hypothesis), []).append(score)
-            found_by[score.fit] = search
-        return deciding(by_count, self.searches[0].store.prior), found_by
 
     def _most_promising(self, selected: HeldOutScore, tried: set[Hypothesis]) -> HeldOutScore | None:
         """The explanation to take the next steps from: the selected one, or else the one that comes closest to being
