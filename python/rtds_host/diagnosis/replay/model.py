@@ -253,18 +253,19 @@ def run_inputs(log: RunLog, robot: Robot) -> tuple[np.ndarray, ...]:
     """What the kernel needs of a run: sample times (n,), command times (m,), commands (m, 2), bus (m,), angles to
     follow (0, 2), run (4,), start (15,).
 
-    Times count from the run's first row: since 1970 a double has a quarter of a microsecond, and steps add up. A robot
-    that moves in the first row was under command before: under that row's, for as long as a command may act late.
+    Times count from the run's first row: since 1970 a double has a quarter of a microsecond, and steps add up.
+    A machine that moves in the first row was under command before: under that row's, for as long as a command may act
+    late.
     """
     t, t_cmd, commands, bus, angle, run, start = row_inputs(log, robot)
-    return (t, *_from_before(t_cmd, commands, bus, robot, start), angle, run, start)
+    return (t, *_from_before(t_cmd, commands, bus, start), angle, run, start)
 
 
 def _from_before(
-    t_cmd: np.ndarray, commands: np.ndarray, bus: np.ndarray, robot: Robot, start: np.ndarray
+    t_cmd: np.ndarray, commands: np.ndarray, bus: np.ndarray, start: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Commands of a run from its first row on, with that from before of a robot that begins moving."""
-    if robot.chassis is None or not start[5:7].any():
+    """Commands of a run from its first row on, with that from before of a machine that begins moving."""
+    if not start[5:7].any():
         return t_cmd, commands, bus
     return np.append(-LONGEST_DELAY_S, t_cmd), np.vstack([commands[:1], commands]), np.append(bus[0], bus)
 
@@ -305,7 +306,7 @@ def stretch_inputs(log: RunLog, robot: Robot, first: int, last: int) -> tuple[np
     start = start_state(log.rows(first, last), robot)
     t, t_cmd, commands, bus, angle, run, _ = _cut(inputs, first, last, start)
     if first == 0:
-        t_cmd, commands, bus = _from_before(t_cmd, commands, bus, robot, start)
+        t_cmd, commands, bus = _from_before(t_cmd, commands, bus, start)
     return t, t_cmd, commands, bus, angle, run, start
 
 
