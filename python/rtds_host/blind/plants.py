@@ -21,13 +21,15 @@ from functools import partial
 import numpy as np
 
 from rtds_host.blind.vocabulary import EFFECTS
-from rtds_host.contract import Case, RunLog
+from rtds_host.contract import Case, Robot, RunLog
 
-# Sizes: ratios differ from 1 by 8 to 40 %, shifts are 5 to 60 ms, biases 5 to 25 % of the column's own rms.
+# Sizes: ratios differ from 1 by 8 to 40 %, shifts are 5 to 60 ms, biases 5 to 25 % of the column's own rms. A speed is
+# none within three of its sigmas.
 RATIO_LOG = (0.08, 0.34)
 SHIFT_S = (0.005, 0.06)
 BIAS_SHARE = (0.05, 0.25)
 ROUNDING = 5
+REST = 3.0
 
 
 @dataclass(frozen=True)
@@ -128,10 +130,19 @@ def shifted(t: np.ndarray, values: np.ndarray, delay_s: float) -> np.ndarray:
     return out
 
 
-def _delayed(names: list[str], delay_s: float) -> Callable[[RunLog], tuple[np.ndarray, dict[str, np.ndarray]]]:
+def _at_rest(run: RunLog, robot: Robot) -> bool:
+    """Whether a run shows that it begins at rest, by its first speeds."""
+    first = {c: run.columns[c][np.isfinite(run.columns[c])][:1] for c in ("w_l", "w_r") if c in run.columns}
+    return bool(first) and all(abs(v) <= REST * (robot.noise(c) or 0.0) for c, values in first.items() for v in values)
+
+
+def _delayed(
+    names: list[str], delay_s: float, robot: Robot
+) -> Callable[[RunLog], tuple[np.ndarray, dict[str, np.ndarray]]]:
     def alter(run: RunLog) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        # What was not recorded yet when the log begins cannot be reported: these rows are cut, in all channels.
-        keep = run.t >= run.t[0] + delay_s
+        # A machine at rest was at rest before. Of one that moves, what was not recorded yet when the log begins cannot
+        # be reported: these rows are cut, in all channels.
+        keep = np.full(len(run.t), True) if _at_rest(run, robot) else run.t >= run.t[0] + delay_s
         columns = {c: (shifted(run.t, v, delay_s) if c in names else v)[keep] for c, v in run.columns.items()}
         return run.t[keep], columns
 
@@ -408,7 +419,7 @@ def _all_delayed(f: _Facts, rng: np.random.Generator) -> Plant:
         f"all measured columns {1e3 * delay:.4g} ms late",
         tuple(same),
         tuple(alike),
-        alter=_delayed(names, delay),
+        alter=_delayed(names, delay, f.robot),
     )
 
 
@@ -421,7 +432,7 @@ def _speed_delayed(f: _Facts, rng: np.random.Generator) -> Plant:
         f"speed alone {1e3 * delay:.4g} ms late",
         (_exact("speed_filter", "time_constant_s", delay),),
         (_exact("measurement_delay", "seconds", delay),),
-        alter=_delayed([f"w_{s}" for s in f.robot.sides], delay),
+        alter=_delayed([f"w_{s}" for s in f.robot.sides], delay, f.robot),
     )
 
 

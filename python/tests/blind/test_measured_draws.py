@@ -5,6 +5,7 @@ import math
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -143,12 +144,19 @@ def test_a_supply_declared_too_high_is_a_drive_that_is_too_strong(sources):
     assert same.low == pytest.approx(plant.declared["supply", "voltage_v"] / 12.0)
 
 
-def test_late_columns_show_what_was_there_before_and_the_commands_stay(sources):
+@pytest.mark.parametrize("moving", [False, True])
+def test_late_columns_show_what_was_there_before_and_the_commands_stay(sources, moving):
+    """Before a run that begins at rest there was rest. Before one that begins moving nobody knows what was there."""
     case, plant = drawn(sources[0], "all delayed")
     late = plant.same[0].low
     run = case.runs[0]
+    columns = run.columns | {"w_l": run.columns["w_l"] + (9.0 if moving else -run.columns["w_l"][0])}
+    run = replace(run, columns=columns)
     t, columns = plant.alter(run)
-    assert t[0] >= run.t[0] + late and len(t) < len(run.t)
+    if moving:
+        assert t[0] >= run.t[0] + late and len(t) < len(run.t)
+    else:
+        assert np.array_equal(t, run.t) and columns["w_l"][0] == 0.0
     k = len(t) // 2
     assert columns["w_l"][k] == pytest.approx(np.interp(t[k] - late, run.t, run.columns["w_l"]))
     assert columns["v_cmd_l"][k] == run.columns["v_cmd_l"][len(run.t) - len(t) + k]
