@@ -39,7 +39,10 @@ def left_out(problem: Problem, fit: Fit, parts: Sequence[np.ndarray]) -> list[Mo
 
 
 def _converged(problem: Problem, fit: Fit, parts: Sequence[np.ndarray]) -> list[Model]:
-    """The explanation fitted to convergence without each of some parts, by the objective that it was fitted by."""
+    """The explanation fitted to convergence without each of some parts, by the objective that it was fitted by.
+
+    An effect that the others do not show keeps its size: they can neither support nor refute it.
+    """
     works = []
     for rows in parts:
         seen = np.ones(len(fit.residual), np.float32)
@@ -48,9 +51,18 @@ def _converged(problem: Problem, fit: Fit, parts: Sequence[np.ndarray]) -> list[
         fitter.effects = fit.effects
         by_nuisance = fit.by_nuisance * seen[:, None]
         plain = fit.noise.root is None
-        work = fitter.fitting(fit.hypothesis, fit.u, fit.z, fit.noise, fixed=plain, by_nuisance=by_nuisance)
+        held = _not_shown(fit, seen)
+        work = fitter.fitting(fit.hypothesis, fit.u, fit.z, fit.noise, fixed=plain, by_nuisance=by_nuisance, held=held)
         works.append(_seeing(work, seen))
     return [found.model(problem) for found in side_by_side(problem, works)]
+
+
+def _not_shown(fit: Fit, seen: np.ndarray) -> list[tuple[str, str]]:
+    """Effects of which some residuals, where `seen` (N,) is one, say less than their priors."""
+    weighted = (_root(fit, fit.residual) * seen)[:, None] * fit.by_effect
+    shown = (weighted**2).sum(axis=0) > prior_weight(fit.z, fit.u)[len(fit.z) :]
+    causes = [(effect.id, side) for effect, side, _ in parameters(fit.effects, fit.hypothesis)]
+    return [cause for cause in fit.hypothesis if not any(shown[j] for j, of in enumerate(causes) if of == cause)]
 
 
 def _seeing(work: Requesting[Fit], seen: np.ndarray) -> Requesting[Fit]:

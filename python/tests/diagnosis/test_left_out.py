@@ -82,6 +82,18 @@ def test_where_a_step_without_a_run_fails_the_explanation_is_fitted_to_the_other
     assert converged == pytest.approx(alone, rel=0.01)
 
 
+def test_an_effect_that_the_other_runs_do_not_show_keeps_its_size(monkeypatch):
+    """At rest nothing shows a friction: it neither supports nor refutes what the run that moves says."""
+    moving = with_frictions(0.03)
+    rest = replace(moving.runs[0], name="rest", columns={c: 0.0 * v for c, v in moving.runs[0].columns.items()})
+    search, fit = fitted(replace(moving, runs=(*moving.runs, rest)), {COULOMB: {"torque_nm": 0.02}})
+    kept = fit.model(search.problem)
+    monkeypatch.setattr(left_out, "left_out_in_few_steps", lambda *_: ([kept] * 2, [True, False]))
+    found, _ = left_out.left_out(search.problem, fit, rows_of(search.problem))
+    assert fit.values[0]["torque_nm"] == pytest.approx(0.03, rel=0.02)
+    assert found.get("coulomb") == pytest.approx(kept.get("coulomb"))
+
+
 @pytest.mark.parametrize("alike", [True, False])
 def test_a_second_step_without_a_run_is_taken_only_where_the_first_was_long(monkeypatch, alike):
     """Of five runs that are one and the same any four say what all do; without the one that has a tenth of the friction
