@@ -258,14 +258,15 @@ def run_inputs(log: RunLog, robot: Robot) -> tuple[np.ndarray, ...]:
     late.
     """
     t, t_cmd, commands, bus, angle, run, start = row_inputs(log, robot)
-    return (t, *_from_before(t_cmd, commands, bus, start), angle, run, start)
+    return (t, *_from_before(t_cmd, commands, bus, robot, start), angle, run, start)
 
 
 def _from_before(
-    t_cmd: np.ndarray, commands: np.ndarray, bus: np.ndarray, start: np.ndarray
+    t_cmd: np.ndarray, commands: np.ndarray, bus: np.ndarray, robot: Robot, start: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Commands of a run from its first row on, with that from before of a machine that begins moving."""
-    if not start[5:7].any():
+    noise = [SIGNIFICANT * (robot.noise(name) or 0.0) for name in ("w_l", "w_r")]
+    if np.all(np.abs(start[5:7]) <= noise):
         return t_cmd, commands, bus
     return np.append(-LONGEST_DELAY_S, t_cmd), np.vstack([commands[:1], commands]), np.append(bus[0], bus)
 
@@ -306,7 +307,7 @@ def stretch_inputs(log: RunLog, robot: Robot, first: int, last: int) -> tuple[np
     start = start_state(log.rows(first, last), robot)
     t, t_cmd, commands, bus, angle, run, _ = _cut(inputs, first, last, start)
     if first == 0:
-        t_cmd, commands, bus = _from_before(t_cmd, commands, bus, start)
+        t_cmd, commands, bus = _from_before(t_cmd, commands, bus, robot, start)
     return t, t_cmd, commands, bus, angle, run, start
 
 
