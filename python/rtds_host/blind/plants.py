@@ -23,12 +23,12 @@ import numpy as np
 from rtds_host.blind.vocabulary import EFFECTS
 from rtds_host.contract import Case, Robot, RunLog
 
-# Sizes: ratios differ from 1 by 8 to 40 %, shifts are 5 to 60 ms, biases 5 to 25 % of the column's own rms. A speed is
-# none within three of its sigmas.
+# Sizes: ratios differ from 1 by 8 to 40 %, shifts are 5 to 60 ms, biases 5 to 25 % of the column's own rms.
 RATIO_LOG = (0.08, 0.34)
 SHIFT_S = (0.005, 0.06)
 BIAS_SHARE = (0.05, 0.25)
 ROUNDING = 5
+# A machine is at rest where its speeds are within so many sigmas of zero.
 REST = 3.0
 
 

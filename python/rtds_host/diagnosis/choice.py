@@ -143,11 +143,6 @@ def posterior(one: HeldOutScore, prior: Callable[[Fit], float]) -> float:
     return prior(one.fit) + SAMPLES * math.log(one.residual_power)
 
 
-def chosen(found: Mapping[int, list[HeldOutScore]], prior: Callable[[Fit], float]) -> HeldOutScore:
-    """The explanation with the most effects that held-out runs support, see `deciding`."""
-    return deciding(found, prior)[-1]
-
-
 def deciding(found: Mapping[int, list[HeldOutScore]], prior: Callable[[Fit], float]) -> list[HeldOutScore]:
     """The supported explanations that decide the choice, fewest effects first; the last one is chosen.
 

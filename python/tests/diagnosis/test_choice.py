@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rtds_host.diagnosis.choice import MAX_RESIDUAL_RATIO, HeldOutScore, chosen, residual_ratio
+from rtds_host.diagnosis.choice import MAX_RESIDUAL_RATIO, HeldOutScore, deciding, residual_ratio
 from rtds_host.diagnosis.gap import Squares
 
 
@@ -20,7 +20,7 @@ def judged(*horizons, prior=0.0, z=0.0):
 
 
 def taken(found):
-    return chosen(found, lambda fit: fit.prior)
+    return deciding(found, lambda fit: fit.prior)[-1]
 
 
 @pytest.mark.parametrize(
