@@ -8,6 +8,8 @@ import numpy as np
 
 from rtds_host.errors import InputError
 from rtds_host.motor.effects import MotorParameters, SupplyEffects, UnitEffects
+from rtds_host.plant.driver import duty, fast_decay
+from rtds_host.plant.elementary import exponential
 from rtds_host.plant.forms import no_forms
 from rtds_host.robot import Body
 from rtds_host.robot.split import inertia_of
@@ -95,6 +97,27 @@ class GearValues:
 
 
 @dataclass(frozen=True)
+class BridgeValues:
+    """A side's bridge with a `share` of fast decay: its PWM period over L / R, the curve that the other share has, dead
+    zone, gain and nominal bus, see `rtds_host.plant.driver`."""
+
+    share: float
+    periods: float
+    curve: float
+    deadzone_v: float
+    gain: float
+    supply_v: float
+
+    def more(self, asked: float, emf: float) -> float:
+        """Voltage beyond that of dead zone and gain, V at the nominal bus; asked : command, V; emf : back EMF, V."""
+        plain, curved = (
+            duty.py_func(asked, self.supply_v, curve, self.deadzone_v, self.gain) for curve in (0.0, self.curve)
+        )
+        mean = fast_decay.py_func(plain, emf, self.supply_v, self.periods, exponential.py_func)
+        return curved - plain + self.share * (mean - curved)
+
+
+@dataclass(frozen=True)
 class SensorValues:
     """How what is reported differs from what is; two-vectors [left, right], SI. `encoder_at_wheel`: 1 where w and th
     are measured behind free play and springs, 0 before them. `forms` (2, MOST_FORMS, WIDTH) are added to readings, see
@@ -120,7 +143,8 @@ class Correction:
     them, `sensors` into the signal path. `bus_measured`: the bus follows the log's `v_bus` (a replay only).
     `loaded_motors`: those of units with a part of the body's inertia (`rtds_host.robot.split`), None of the others.
     `forms` (2, MOST_FORMS, WIDTH): terms that no table of a unit holds, which act between units and engine;
-    `start_angles`: rad, wheel angles [left, right] as the run begins, which these terms may run over.
+    `start_angles`: rad, wheel angles [left, right] as the run begins, which these terms may run over. `bridges`: those
+    in fast decay, whose voltage follows the back EMF and so is sent as another command; None of the others.
     """
 
     units: tuple[UnitEffects, UnitEffects]
@@ -133,6 +157,7 @@ class Correction:
     loaded_motors: tuple[MotorParameters | None, MotorParameters | None] = (None, None)
     forms: np.ndarray = field(default_factory=no_forms, compare=False)
     start_angles: tuple[float, float] = (0.0, 0.0)
+    bridges: tuple[BridgeValues | None, BridgeValues | None] = (None, None)
 
     def body_on(self, body: Body) -> Body:
         """The body of a run with this correction, see `BodyValues.on`.

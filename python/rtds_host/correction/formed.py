@@ -1,5 +1,6 @@
 """Forms that no table of a motor unit holds, in the simulator: between motor units and engine, and in the sensors.
 
+A bridge in fast decay, whose voltage follows the back EMF, is sent as a form of a voltage is.
 The equations are the replay's (`rtds_host.plant.forms.act`), taken once an exchange in its middle. Torques load the
 motors, forces on the body load the wheels, dry friction against turning joins the scrub. A voltage is sent as the
 command whose bridge voltage is larger by it, and so is what a change of the torque constant takes off the back-EMF.
@@ -41,14 +42,15 @@ NOTHING = Acting(np.zeros(2), np.zeros(2), np.zeros(2), 0.0)
 
 
 class Formed:
-    """The forms of a correction along a run; it follows the wheels' angles by `turn`.
+    """The forms and bridges of a correction along a run; it follows the wheels' angles by `turn`.
 
-    `any`: whether there is a form at all.
+    `any`: whether there is one at all.
     """
 
     def __init__(self, robot: Robot, body: Body, correction: Correction | None):
         rows = forms.no_forms() if correction is None else np.array(correction.forms)
-        self.any = bool(forms.any_of(rows))
+        self.bridges = (None, None) if correction is None else correction.bridges
+        self.any = bool(forms.any_of(rows)) or any(self.bridges)
         self.gear, self.constant = robot.motor.gear_ratio, np.zeros(2)
         self.radius, self.track = np.array(body.wheel_radius_m), body.track_width_m
         self.lever = np.array([-self.radius[0], self.radius[1]]) / self.track
@@ -69,7 +71,7 @@ class Formed:
         self.settles = bool((self.prompt[:, :, forms.OVER] == forms.OVER_CODE["i"]).any())
         self.inverse: list[tuple[np.ndarray, np.ndarray] | None] = [None, None]
         for k in (0, 1):
-            if (volts[k] | (rows[k, :, forms.TERM] == _CODE["torque_constant"])).any():
+            if self.bridges[k] or (volts[k] | (rows[k, :, forms.TERM] == _CODE["torque_constant"])).any():
                 self.inverse[k] = _inverse(correction.units[k].command, robot.name)
 
     def at(
@@ -122,6 +124,9 @@ class Formed:
             about[_ABOUT["t"]] += self.delay_s
             forms.act(self.late[k], about, self.past[k], late)
             acts[k, forms.VOLTS] = late[forms.VOLTS] + emf[k]
+            if (bridge := self.bridges[k]) is not None:
+                # By the nominal back EMF: what a form of the torque constant takes off it is sent next to this.
+                acts[k, forms.VOLTS] += bridge.more(asked[k], rotor[k, layer.KB] * float(speeds[:, k].mean()))
             drive[k] += acts[k, forms.DRIVE] - _friction_torque(
                 acts[k], rotor[k, layer.INERTIA], state[k, layer.ROTOR], seconds
             )

@@ -17,7 +17,7 @@ import numpy as np
 
 from rtds_host.contract import Robot
 from rtds_host.correction import formed
-from rtds_host.correction.correction import BodyValues, Correction, GearValues, SensorValues
+from rtds_host.correction.correction import BodyValues, BridgeValues, Correction, GearValues, SensorValues
 from rtds_host.diagnosis.effects import Effect
 from rtds_host.diagnosis.forms.curves import named, points_of
 from rtds_host.diagnosis.replay.model import Model, nominal_model
@@ -108,7 +108,8 @@ def translate(
     mass = get("mass") + payload_kg
     units = (_unit(get, k, robot, mass, start_angles[k]) for k in (0, 1))
     placed = tuple(_placed(unit, model.forms[k], robot, start_angles[k]) for k, unit in enumerate(units))
-    left, right = (one.unit for one in placed)
+    bridges = _bridge(get, 0), _bridge(get, 1)
+    left, right = (_reaching(one.unit, bridge) for one, bridge in zip(placed, bridges, strict=True))
     supply = SupplyEffects(
         voltage_v=get("supply"),
         source_resistance_ohm=get("source_resistance"),
@@ -135,6 +136,7 @@ def translate(
         loaded_motors=(loaded(left, gears[0]), loaded(right, gears[1])),
         forms=np.stack([one.between for one in placed]),
         start_angles=start_angles,
+        bridges=bridges,
     )
     if get.unread:
         raise LookupError(f"parameters of the plant that nothing translates: {', '.join(sorted(get.unread))}")
@@ -311,12 +313,30 @@ def _motor(get: _Parameters, k: int, robot: Robot, n: float) -> MotorParameters 
 def _command(get: _Parameters, k: int) -> Curve | None:
     """The driver's curve, dead zone and gain as a curve: the law at its bends, or at many points where it is bent."""
     gain, dead, top, bend = get("voltage_gain", k), max(get("deadzone", k), 0.0), get("supply"), get("pwm_curve", k)
+    if get("fast_decay", k):
+        bend = 0.0  # what a bridge in fast decay gives follows the back EMF
     if gain == 1.0 and dead == 0.0 and bend == 0.0:
         return None
     if dead >= top and not bend:
         return Curve((0.0,), (0.0,))
     x = np.linspace(-top, top, PWM_POINTS).tolist() if bend else sorted({-top, -dead, dead, top} - {0.0, -0.0})
     return Curve(tuple(x), tuple(duty.py_func(volts, top, bend, dead, gain) for volts in x))
+
+
+def _bridge(get: _Parameters, k: int) -> BridgeValues | None:
+    """A side's bridge in fast decay, None of another one."""
+    share, periods = get("fast_decay", k), get("pwm_periods", k)
+    if not share:
+        return None
+    dead = max(get("deadzone", k), 0.0)
+    return BridgeValues(share, periods, get("pwm_curve", k), dead, get("voltage_gain", k), get("supply"))
+
+
+def _reaching(unit: UnitEffects, bridge: BridgeValues | None) -> UnitEffects:
+    """The unit with a driver's curve that reaches each voltage of a bridge in fast decay."""
+    if bridge is None:
+        return unit
+    return replace(unit, command=formed.beyond(unit.command, bridge.supply_v, bridge.supply_v))
 
 
 def _drop(get: _Parameters, k: int) -> Curve | None:

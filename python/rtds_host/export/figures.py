@@ -126,7 +126,8 @@ def figures_of(model: Model, robot: Robot) -> Figures:
 
     Raises
     ------
-    InputError : no robot on two wheels driven by voltage or wheel speed, or a body that cannot be built.
+    InputError : no robot on two wheels driven by voltage or wheel speed, a body that cannot be built, or a bridge in
+    fast decay.
     """
     if robot.chassis is None:
         raise InputError(f"robot {robot.name!r}: is a single axis, a robot on two wheels can be exported")
@@ -136,6 +137,11 @@ def figures_of(model: Model, robot: Robot) -> Figures:
             " speeds"
         )
     get = model.get
+    if get("fast_decay", 0) or get("fast_decay", 1):
+        raise InputError(
+            f"robot {robot.name!r}: pwm_curve: fast_decay is not 0, the voltage of an exported motor follows the duty"
+            " cycle alone"
+        )
     n = get("gear_ratio")
     body = BodyValues(
         mass_kg=get("mass"),

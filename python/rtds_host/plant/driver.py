@@ -33,6 +33,25 @@ def duty(volts, supply, curve, deadzone, gain):
 
 
 @law
+def fast_decay(volts, emf, bus, periods, exp_minus):
+    """Mean voltage at a winding, V, over a PWM period of a bridge in fast decay: its current returns to the bus.
+
+    With a duty cycle q = |volts| / bus the current rises from zero for q periods, falls against the bus for
+    d = min(ln(1 + (bus - emf) (1 - exp(-q periods)) / (bus + emf)) / periods, 1 - q) of one, and is zero for what is
+    left, in which the winding shows its back EMF: bus q - bus d + emf (1 - q - d). At the duty 0 the motor coasts.
+    volts, emf, bus : V; periods : a PWM period over L / R, 1; exp_minus : the function y -> exp(-y) to use. Source:
+    R. W. Erickson, D. Maksimovic, "Fundamentals of Power Electronics", 2001, chapter 5 (discontinuous conduction).
+    """
+    along = emf if volts > 0.0 else -emf
+    on = min(abs(volts) / bus, 1.0)
+    rises = max(bus - along, 0.0) * (1.0 - exp_minus(on * periods))
+    # Numerical: a motor driven backwards faster than the bus allows has no finite time to lose its current.
+    falls = min(math.log(1.0 + rises / max(bus + along, 1e-9 * bus)) / periods, 1.0 - on)
+    mean = bus * (on - falls) + along * (1.0 - on - falls)
+    return mean if volts > 0.0 else -mean
+
+
+@law
 def after_bridge_drop(volts, emf, drop, knee, resistance):
     """Voltage at a winding, V, after the bridge's drop: V - drop tanh(i / knee), and V - drop sgn(i) without a knee
     (contract, section 3).

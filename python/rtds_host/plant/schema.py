@@ -29,6 +29,8 @@ SIDE = _table(
     Entry("viscous", "N·m·s/rad", None, RTL, "viscous_friction_nm_s_per_rad", "B, at the motor's shaft"),
     Entry("radius", "m", None, ROBOT, "radius_m", "wheel", **_MORE),
     Entry("pwm_curve", "1", 0.0, RTL, "pwm_curve", "relative excess of voltage at the smallest duty"),
+    Entry("fast_decay", "1", 0.0, ROBOT, "fast_decay", "share of a bridge in fast decay in the voltage", **_MORE),
+    Entry("pwm_periods", "1", 1.0, ROBOT, "pwm_periods", "its PWM period over L / R", **_MORE),
     Entry("voltage_gain", "1", 1.0, RTL, "voltage_gain", "driver"),
     Entry("deadzone", "V", 0.0, RTL, "deadzone_v", "driver"),
     Entry("drop", "V", 0.0, RTL, "drop_v", "against the current"),

@@ -31,11 +31,14 @@ from rtds_host.plant.torques import TORQUES
 
 # Numerical: how often a step is taken whose friction or bus hangs on its own currents and forces.
 TRIALS = 2
+# Numerical: the smallest bus voltage over the nominal one that a back EMF is compared with.
+LEAST_LEVEL = 1e-3
 
 R, L, KM, KB, J, B = side_indices("resistance", "inductance", "torque_constant", "back_emf", "rotor_inertia", "viscous")
 CURVE, V_GAIN, DEADZONE, DROP, LIMIT, KNEE = side_indices(
     "pwm_curve", "voltage_gain", "deadzone", "drop", "limit", "drop_knee"
 )
+FAST, PERIODS = side_indices("fast_decay", "pwm_periods")
 RADIUS, HEAT_RISE, HEAT_TAU, C_GAIN = side_indices("radius", "heat_rise", "heat_tau", "command_gain")
 COULOMB, STRIBECK, STRIBECK_W = side_indices("coulomb", "stribeck", "stribeck_speed")
 VISCOUS_W, ASYM, ASYM_V, LOAD = side_indices("viscous_wheel", "asymmetry", "asymmetry_viscous", "load_share")
@@ -103,6 +106,16 @@ def served(side, k, com, wanted, integral, told):
     return driver.servo(miss, integral, com[KP], com[KI], com[SERVO_T], limit, com[RELEASE])
 
 
+@law
+def decaying(side, k, supply, plain, static, emf):
+    """What fast decay adds to a side's voltage, V, all at the nominal bus voltage.
+
+    plain, static : V, behind the driver's dead zone and gain, without and with its curve; emf : V, back EMF in the
+    middle of the step.
+    """
+    return side[k, FAST] * (driver.fast_decay(plain, emf, supply, side[k, PERIODS], exponential) - static)
+
+
 @loop
 def _followed(angle, t_cmd, kc, k, time):
     """A wheel's measured angle, rad, at a time, s, between the rows of the commands in force and next."""
@@ -165,6 +178,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
     # Constants of motor and gear at the wheel's side; forms may change the first two.
     ke, km, inertia, plain = np.empty(2), np.empty(2), np.empty(2), np.empty(2)
     shaped = shaped_by(side, 0) or shaped_by(side, 1)
+    decays = mode != 1 and (side[0, FAST] != 0.0 or side[1, FAST] != 0.0)
     flexible = dry = False
     outer = TRIALS if com[SOURCE_R] != 0.0 or side[0, LOAD] != 0.0 or side[1, LOAD] != 0.0 else 1
     for k in range(2):
@@ -207,7 +221,9 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
     # What the step works with, a value a side.
     va = np.zeros(2)  # command in force, clipped
     vd = np.zeros(2)  # voltage behind dead zone and gain, at the nominal bus
-    ve = np.zeros(2)  # the same with what forms add
+    ve = np.zeros(2)  # the same with what fast decay and forms add
+    vp, vf = np.zeros(2), np.zeros(2)  # voltage without the driver's curve, and what fast decay adds
+    gained = np.zeros(2)  # rad/s², of the rotors in the step before
     c0, c1, m0, m1 = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
     im = np.zeros(2)
     am, bm = np.zeros(2), np.zeros(2)
@@ -316,6 +332,8 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
             for k in range(sides):
                 vd[k] = driver.duty(va[k], supply, side[k, CURVE], side[k, DEADZONE], side[k, V_GAIN])
                 ve[k] = vd[k]
+                if decays:
+                    vp[k] = driver.duty(va[k], supply, 0.0, side[k, DEADZONE], side[k, V_GAIN])
                 if curves is not None:
                     forms.follow(curves[k], va[k], past[k])
 
@@ -370,6 +388,11 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                         decay[k], rise_v[k], mean_v[k], mean_i[k], c1[k], m1[k] = motor.armature_factors(
                             h, res, side[k, L], side[k, KB] * ratio, exponential
                         )
+                if decays:
+                    # The voltage follows the back EMF: at the speed that the middle of the step is going to have.
+                    emf = ke[k] * (wm[k] + 0.5 * h * gained[k]) / max(level, LEAST_LEVEL)
+                    vf[k] = decaying(side, k, supply, vp[k], vd[k], emf)
+                    ve[k] = vd[k] + vf[k]
                 if slipping and side[k, SLIP] > 0.0:
                     rim, slip, length = side[k, RADIUS] * wn[k], side[k, SLIP], side[k, SLIP_LENGTH]
                     slid = rim - v - (2 * k - 1) * half * rate
@@ -390,14 +413,14 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                     if mode != 1:
                         # What the current comes to with the forms of the step before.
                         emf = ke[k] * wm[k]
-                        volts = (vd[k] + acts[k, forms.VOLTS]) * level
+                        volts = (vd[k] + vf[k] + acts[k, forms.VOLTS]) * level
                         volts = driver.winding_voltage(
                             volts, emf, side[k, LIMIT], side[k, DROP], side[k, KNEE], side[k, R]
                         )
                         mean = motor.even_current(cur[k], volts, emf, decay[k], rise_v[k], mean_v[k], mean_i[k])
                         about[forms.MEAN_I] = mean
                     forms.act(curves[k], about, past[k], acts[k])
-                    ve[k] = vd[k] + acts[k, forms.VOLTS]
+                    ve[k] = vd[k] + vf[k] + acts[k, forms.VOLTS]
                     # What changes the torque of a current changes the back-EMF of a speed alike.
                     constant = 1.0 + acts[k, forms.CONSTANT]
                     ke[k], km[k] = side[k, KB] * ratio * constant, ratio * side[k, KM] * constant
@@ -624,6 +647,8 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
             for k in range(sides):
                 mean = m0[k] - m1[k] * wm[k]
                 cur[k] = c0[k] - c1[k] * wm[k]
+                if decays:
+                    gained[k] = (wm[k] - wmn[k]) / h
                 if side[k, HEAT_RISE] != 0.0:
                     res = motor.warm(side[k, R], rise[k])
                     rise[k] = motor.warmer(rise[k], h, side[k, HEAT_RISE], side[k, HEAT_TAU], mean, res)

@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from rtds_host.diagnosis.replay import kernel as one
-from rtds_host.diagnosis.replay.kernel import TRIALS
+from rtds_host.diagnosis.replay.kernel import LEAST_LEVEL, TRIALS
 from rtds_host.plant import driver, forms, friction, gear, ground, motor, sensors
 from rtds_host.plant.compiled import allocation_free, law, loop
 from rtds_host.plant.elementary import cos_less_one, exp_minus, sin, sine, tanh
@@ -34,18 +34,18 @@ ALIKE_S = 1e-10
 # order; of the robot, likewise; and of what is the same in a run.
 # fmt: off
 (RES, IND, LIM, DROP, ASYM_V, HEAT, HEAT_TAU, ASYM, RADIUS, SPEED_TAU, STRIBECK, STRIBECK_W, W_GAIN, I_GAIN, I_BIAS,
- CURVE, DEADZONE, V_GAIN, SLIP, LENGTH, LOAD, BACKLASH, RESTITUTION, STIFF, DAMP, KNEE) = (
+ CURVE, DEADZONE, V_GAIN, SLIP, LENGTH, LOAD, BACKLASH, RESTITUTION, STIFF, DAMP, KNEE, FAST, PERIODS) = (
     k * SIMD_WIDTH for k in side_indices(
         "resistance", "inductance", "limit", "drop", "asymmetry_viscous", "heat_rise", "heat_tau", "asymmetry",
         "radius", "speed_tau", "stribeck", "stribeck_speed", "speed_gain", "current_gain", "current_bias", "pwm_curve",
         "deadzone", "voltage_gain", "slip", "slip_relaxation", "load_share", "backlash", "restitution", "stiffness",
-        "damping", "drop_knee"))
-_SIDE_ROWS = len(SIDE) + 71
+        "damping", "drop_knee", "fast_decay", "pwm_periods"))
+_SIDE_ROWS = len(SIDE) + 74
 (KE, GKM, INERTIA, FLUID, FRICTION, EXTRA, TH, W, CUR, RISE, WF, VA, VD, STICK, WN, C0, M0, DECAY, RISE_V, MEAN_V,
  MEAN_I, C1, M1, FADE, THETA, PER_SHEAR, AM, BM, RIGID, HI, LO, SHAPED, FORCE, ALPHA, BETA, SHEAR_TAU, GRIP,
  TYRE, WHOLE, GIVE, YIELDS, TANGENT, TAKEN, ASKED, MEAN, INPUT, OUTPUT, WM, WMN, PLAY, CONTACT, WAS, HELD, KAP,
  FREE_I, SPRING_I, HELD_I, BEHIND_I, TURN, APART, BOUNCES, TANGLED, AT, AHEAD, OWN_GKM, OWN_FLUID, OWN_FRICTION,
- OWN_VD, OWN_KE, MADE, DRIVE) = (
+ OWN_VD, OWN_KE, MADE, DRIVE, PLAIN_VD, DECAYED, GAINED) = (
     k * SIMD_WIDTH for k in range(len(SIDE), _SIDE_ROWS))
 _SIDE = _SIDE_ROWS * SIMD_WIDTH
 _COMMON = 2 * _SIDE
@@ -62,7 +62,7 @@ _COMMON_ROWS = len(COMMON) + 38
 # fmt: on
 # Rows that accepting a step changes.
 _ACCEPTED: tuple[int, ...] = (X, Y, YAW, DIR_X, DIR_Y, V, RATE)
-_ACCEPTED += tuple(o + row for o in (0, _SIDE) for row in (CUR, RISE, TH, WF, PLAY, WHOLE, TYRE))
+_ACCEPTED += tuple(o + row for o in (0, _SIDE) for row in (CUR, RISE, TH, WF, PLAY, WHOLE, TYRE, GAINED))
 # Regimes of a side's gear, as numbers that a row holds.
 _RIGID, _SPRING, _FREE, _PUSH_F, _PUSH_B = map(float, (gear.RIGID, gear.SPRING, gear.FREE, gear.PUSH_F, gear.PUSH_B))
 # Numerical: numbers that the state has.
@@ -91,6 +91,7 @@ def _begin(s, l, side, com, curves, run, start):
         # What forms change from step to step is kept without them.
         s[o + OWN_GKM], s[o + OWN_FLUID], s[o + OWN_FRICTION] = s[o + GKM], s[o + FLUID], s[o + FRICTION]
         s[o + OWN_KE], s[o + OWN_VD], s[o + MADE] = s[o + KE], 0.0, 0.0
+        s[o + PLAIN_VD] = s[o + DECAYED] = s[o + GAINED] = 0.0
         if one.dry_of(side, k, com) or forms.holds(curves[k]):
             dry = 1.0
         s[o + SHEAR_TAU] = ground.shear_time(side[k, one.SLIP_DAMPING], side[k, one.SLIP], side[k, one.SLIP_LENGTH])
@@ -199,7 +200,12 @@ def _formed(s, ends, job, curved, by_current, which, sides, coms, curves, shaped
                 emf = s[o + KE] * s[o + WM]
                 # What the current comes to with the forms of the step before.
                 volts = driver.winding_voltage(
-                    (s[o + OWN_VD] + s[o + MADE]) * s[LEVEL + l], emf, s[o + LIM], s[o + DROP], s[o + KNEE], s[o + RES]
+                    (s[o + OWN_VD] + s[o + DECAYED] + s[o + MADE]) * s[LEVEL + l],
+                    emf,
+                    s[o + LIM],
+                    s[o + DROP],
+                    s[o + KNEE],
+                    s[o + RES],
                 )
                 decay, rise_v, mean_v, mean_i = s[o + DECAY], s[o + RISE_V], s[o + MEAN_V], s[o + MEAN_I]
                 about[forms.MEAN_I] = motor.even_current(s[o + CUR], volts, emf, decay, rise_v, mean_v, mean_i)
@@ -211,7 +217,7 @@ def _formed(s, ends, job, curved, by_current, which, sides, coms, curves, shaped
             if not by_torque:
                 s[o + C1], s[o + M1] = motor.armature_slopes(s[o + KE] * s[o + MEAN_V], s[o + DECAY], s[o + MEAN_I])
             s[o + MADE] = acts[forms.VOLTS]
-            s[o + VD] = s[o + OWN_VD] + s[o + MADE]
+            s[o + VD] = s[o + OWN_VD] + s[o + DECAYED] + s[o + MADE]
             s[o + FRICTION] = s[o + OWN_FRICTION] + 0.5 * (acts[forms.FORWARD] + acts[forms.BACKWARD])
             s[o + ASYM] = sides[model, k, one.ASYM] + 0.5 * (acts[forms.FORWARD] - acts[forms.BACKWARD])
             if k == 0:
@@ -319,6 +325,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
     given = 0
     running = 0
     scrubbed = pulled = shaped = heated = faded = filtered = slipping = iterated = flexible = formed = False
+    decays = False
     # Free play asks for short steps between its flanks: whether a lane has any, the longest step then and now, and
     # whether its flanks part in this span; whether a step is taken once more, and what it began with.
     plays, fine, limit = np.zeros(SIMD_WIDTH, np.bool_), np.zeros(SIMD_WIDTH), np.zeros(SIMD_WIDTH)
@@ -380,7 +387,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                     shapes[l] = one.shaped_by(of_model, 0) or one.shaped_by(of_model, 1)
                     plays[l] = s[BACKLASH + l] > 0.0 or s[_SIDE + BACKLASH + l] > 0.0
                     shaped = heated = scrubbed = pulled = faded = filtered = slipping = iterated = flexible = False
-                    formed = False
+                    formed = decays = False
                     for i in range(lanes):
                         shaped |= shapes[i]
                         formed |= curved[i]
@@ -391,6 +398,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                         filtered |= s[SPEED_TAU + i] > 0.0 or s[_SIDE + SPEED_TAU + i] > 0.0
                         slipping |= s[SLIP + i] != 0.0 or s[_SIDE + SLIP + i] != 0.0
                         flexible |= s[CONTACT + i] != _RIGID or s[_SIDE + CONTACT + i] != _RIGID
+                        decays |= not by_torque and (s[FAST + i] != 0.0 or s[_SIDE + FAST + i] != 0.0)
                         iterated |= s[SOURCE + i] != 0.0 or s[LOAD + i] != 0.0 or s[_SIDE + LOAD + i] != 0.0
                 due = now + 1e-9
                 end = last[l]
@@ -471,7 +479,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                     s[H + l] = s[LOAD_J + l] = s[SUPPLY + l] = s[I11 + l] = s[I22 + l] = 1.0
                     for o in range(l, _COMMON, _SIDE):
                         s[o + INERTIA] = s[o + GRIP] = s[o + THETA] = s[o + PER_SHEAR] = 1.0
-                        s[o + RES] = s[o + IND] = s[o + STRIBECK_W] = 1.0
+                        s[o + RES] = s[o + IND] = s[o + STRIBECK_W] = s[o + PERIODS] = 1.0
                     shapes[l] = False
                     curved[l] = reads[l] = recalls[l] = scrubs[l] = lags[l] = False
                     plays[l] = False
@@ -520,6 +528,8 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                         o = i * _SIDE + l
                         s[o + VD] = driver.duty(s[o + VA], s[SUPPLY + l], s[o + CURVE], s[o + DEADZONE], s[o + V_GAIN])
                         s[o + OWN_VD] = s[o + VD]
+                        if s[o + FAST] != 0.0:
+                            s[o + PLAIN_VD] = driver.duty(s[o + VA], s[SUPPLY + l], 0.0, s[o + DEADZONE], s[o + V_GAIN])
                         if curved[l]:
                             forms.follow(curves[which[job[l], 0], i], s[o + VA], past[l, i])
                 ahead = min(min(next_pose[l], next_sample[l]), min(next_command[l], next_servo[l]))
@@ -597,6 +607,15 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                 along, across = mid_x * s[UP_X + l] + mid_y * s[UP_Y + l], mid_y * s[UP_X + l] - mid_x * s[UP_Y + l]
                 s[GX + l] -= s[PULL + l] * along
                 s[GZ + l] += ground.slope_torque(s[PULL + l], s[COM_X + l], s[COM_Y + l], along, across)
+        if decays:
+            # As in `kernel.replay`.
+            for o in range(0, ends, _SIDE):
+                for l in range(lanes):
+                    middle = s[o + WM + l] + 0.5 * s[H + l] * s[o + GAINED + l]
+                    emf = s[o + KE + l] * middle / max(s[LEVEL + l], LEAST_LEVEL)
+                    fast = driver.fast_decay(s[o + PLAIN_VD + l], emf, s[SUPPLY + l], s[o + PERIODS + l], exp_minus)
+                    s[o + DECAYED + l] = s[o + FAST + l] * (fast - s[o + OWN_VD + l])
+                    s[o + VD + l] = s[o + OWN_VD + l] + s[o + DECAYED + l]
         if formed:
             _formed(s, ends, job, curved, by_current, which, sides, coms, curves, shaped, about, acts, past)
         if faded:
@@ -895,6 +914,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                 h, w, wn, tau = s[H + l], s[o + WM + l], s[o + WMN + l], s[o + SPEED_TAU + l]
                 mean = s[o + M0 + l] - s[o + M1 + l] * w
                 s[o + CUR + l] = s[o + C0 + l] - s[o + C1 + l] * w
+                s[o + GAINED + l] = (w - wn) / h
                 rise = s[o + RISE + l]
                 res = motor.warm(s[o + RES + l], rise)
                 hotter = motor.warmer(rise, h, s[o + HEAT + l], s[o + HEAT_TAU + l], mean, res)
