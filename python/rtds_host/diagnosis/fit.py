@@ -119,8 +119,9 @@ class Fit:
     """A fitted explanation.
 
     z (k,) nuisances in sigmas; u (p,) scaled effect parameters; residual (N,) in units of noise; by_nuisance (N, k) and
-    by_effect (N, p) its derivatives, float32; `free` (k + p,) False where a parameter lies on its bound; noise: the
-    discrepancy estimated with it; start: how runs began in all of these, so that its replays are those of its fit.
+    by_effect (N, p) its derivatives, float32; `free` (k + p,) False where a parameter lies on its bound or was kept;
+    noise: the discrepancy estimated with it; start: how runs began in all of these, so that its replays are those of
+    its fit.
     """
 
     effects: Effects = field(repr=False)
@@ -333,13 +334,22 @@ class Fitter:
         high = np.array([n.high for n in self.problem.nuisances] + [p.scaled(p.high) for p in ps])
         return low, high
 
+    def _switched_off(self, hypothesis: Hypothesis, x: np.ndarray) -> list[int]:
+        """Places in (z, u) of switches that are off."""
+        every = enumerate(parameters(self.effects, hypothesis), self.count)
+        return [j for j, (_, _, p) in every if p.switch and x[j] == 0.0]
+
     def _derivatives(
         self, hypothesis: Hypothesis, x: np.ndarray, r: np.ndarray, which: Iterable[int], high: np.ndarray
     ) -> Requesting[np.ndarray]:
-        """Derivatives of the residuals r at x by some parameters, (N, count) float32."""
-        models, steps = [], []
+        """Derivatives of the residuals r at x by some parameters, (N, count) float32; zero by a switch that is off."""
+        models, steps, columns = [], [], []
+        off = set(self._switched_off(hypothesis, x))
         differences = [p.difference for _, _, p in parameters(self.effects, hypothesis)]
-        for j in which:
+        for column, j in enumerate(which := list(which)):
+            if j in off:
+                continue
+            columns.append(column)
             # A share of the parameter's present size: the larger it is, the further its derivatives hold.
             step = 0.3 if j < self.count else differences[j - self.count] * max(1.0, 0.3 * abs(x[j]))
             if x[j] + step > high[j]:
@@ -348,8 +358,8 @@ class Fitter:
             moved[j] += step
             models.append(self.model(hypothesis, moved))
             steps.append(step)
-        into = np.empty((len(r), len(models)), np.float32, order="F")
-        for j, (moved, step) in enumerate(zip((yield models, None) if models else [], steps)):
+        into = np.zeros((len(r), len(which)), np.float32, order="F")
+        for j, moved, step in zip(columns, (yield models, None) if models else [], steps):
             np.subtract(moved, r, out=moved)
             np.divide(moved, step, out=into[:, j], casting="same_kind")
         return into
@@ -521,11 +531,13 @@ class Fitter:
     def _started(
         self, hypothesis: Hypothesis, start: np.ndarray, held: Collection[tuple[str, str]]
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """A start (z, u) within its bounds, and the bounds: effects in `held` keep their parameters there."""
+        """A start (z, u) within its bounds, and the bounds: effects in `held` keep their parameters there, and switches
+        that are off stay so."""
         low, high = self._bounds(hypothesis)
         x = np.clip(start, low, high)
         causes = [(effect.id, side) for effect, side, _ in parameters(self.effects, hypothesis)]
         kept = [j for j, cause in enumerate(causes, self.count) if cause in held]
+        kept += self._switched_off(hypothesis, x)
         low[kept] = high[kept] = x[kept]
         return x, low, high
 
@@ -572,7 +584,7 @@ class Fitter:
             if not (chord and turn):
                 by_effect = yield from self._by_effect(hypothesis, known, x, r, high)
             gradient, hessian, curvature = self._gradient_and_hessian(x, r, noise, by_nuisance, by_effect, fixed)
-            free = ~(((x <= low) & (gradient > 0)) | ((x >= high) & (gradient < 0)))
+            free = (low < high) & ~(((x <= low) & (gradient > 0)) | ((x >= high) & (gradient < 0)))
             keep = np.flatnonzero(free)
             improved, enough = 0.0, max(least, share * (now - len(r)))
             for attempt in DAMPINGS[DAMPINGS.index(damping) :]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -35,7 +35,8 @@ class Signature:
 
 @dataclass
 class Candidate:
-    """A candidate effect: its predicted gain, in -2 log likelihood, and scaled parameters to start a fit from.
+    """A candidate effect: its predicted gain, in -2 log likelihood, and scaled parameters to start a fit from; mode :
+    which switches of the effect are on.
 
     One side of an effect that is included on both means another size on that side.
     """
@@ -43,6 +44,7 @@ class Candidate:
     cause: tuple[str, str]
     gain: float
     start: np.ndarray
+    mode: tuple[bool, ...] = ()
 
 
 def start_values(effect: Effect, coarse: bool = False) -> list[dict[str, float]]:
@@ -257,6 +259,10 @@ class Screen:
         values, start = dict(signature.values), self._start(signature)
         for p in self.effects[signature.effect].parameters:
             value = values[p.name] - p.null
+            if value != 0 and p.switch:
+                # There is no part of it.
+                floor = limit = 1.0
+                break
             if value != 0:
                 ends = sorted(((p.low - start[p.name]) / value, (p.high - start[p.name]) / value))
                 floor, limit = max(floor, ends[0]), min(limit, ends[1])
@@ -273,13 +279,13 @@ class Screen:
         return step, float(-(2 * step * self.slope[k] + step * step * self.size[k]))
 
     def candidates(self) -> list[Candidate]:
-        """Single effects on single sides, best first."""
-        groups: dict[tuple[str, str], list[int]] = {}
+        """Single effects on single sides, each mode of one by itself, best first."""
+        groups: dict[tuple[str, str, tuple[bool, ...]], list[int]] = {}
         for k, s in enumerate(self.signatures):
-            groups.setdefault((s.effect, s.side), []).append(k)
+            groups.setdefault((s.effect, s.side, self.effects[s.effect].mode(dict(s.values))), []).append(k)
         result = [
-            self._best((name, side), causes)
-            for (name, side), causes in groups.items()
+            replace(self._best((name, side), causes), mode=mode)
+            for (name, side, mode), causes in groups.items()
             if not clashes((name, side), self.taken) or (splits((name, side), self.taken) and self.effects[name].sized)
         ]
         return sorted(result, key=lambda c: -c.gain)

@@ -9,6 +9,7 @@ The difference is a gap as the contract's section 4 measures it: 1 is the sensor
 
 from __future__ import annotations
 
+import itertools
 import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -84,12 +85,18 @@ def measured(log: RunLog, out: np.ndarray) -> RunLog:
 
 
 def values_of(effect: str) -> dict[str, float]:
-    """The size at which an effect is compared."""
+    """The size at which an effect is compared, with its switches off."""
     given = CATALOGUE[effect].compared_at
     return {
-        p.name: given.get(p.name, p.starts[len(p.starts) // 2])
+        p.name: p.null if p.switch else given.get(p.name, p.starts[len(p.starts) // 2])
         for p in CATALOGUE[effect].on(scales_of(builtin_robot("burger"))).parameters
     }
+
+
+def modes_of(effect: str) -> list[dict[str, float]]:
+    """That size, with its switches off and with each of them on."""
+    off = values_of(effect)
+    return [off, *({**off, p.name: p.starts[-1]} for p in CATALOGUE[effect].parameters if p.switch)]
 
 
 def sides_of(effect: str) -> tuple[str, ...]:
@@ -103,9 +110,11 @@ def _model(robot: Robot, effect: str, side: str, values: dict[str, float]) -> Mo
     return model
 
 
-def compare(effect: str, side: str, log: RunLog, robot: Robot, setting: Setting) -> Row:
-    """One line of the table."""
-    values = values_of(effect)
+def compare(
+    effect: str, side: str, log: RunLog, robot: Robot, setting: Setting, values: dict[str, float] | None = None
+) -> Row:
+    """One line of the table; values : of the effect's parameters, in place of those of `values_of`."""
+    values = values or values_of(effect)
     model = _model(robot, effect, side, values)
     inputs = run_inputs(log, robot)
     truth, plain = (replay_run(m, inputs, FINE_STEP_S) for m in (model, nominal_model(robot)))
@@ -116,6 +125,9 @@ def compare(effect: str, side: str, log: RunLog, robot: Robot, setting: Setting)
     apart, channels = distance(case, [(log, truth, out)])
     worst = max(channels, key=lambda channel: channels[channel])
     bound, reason = CATALOGUE[effect].agrees_within or (BOUND, "")
+    switches = [p for p in CATALOGUE[effect].parameters if p.switch]
+    if switches and all(values[p.name] == p.null for p in switches):
+        bound, reason = BOUND, ""
     return Row(effect, side, values, CATALOGUE[effect].runs_in, size, apart, (worst, channels[worst]), bound, reason)
 
 
@@ -137,8 +149,8 @@ def rows(
             )
     robot, log = builtin_robot("burger"), designed_run(seconds)
     for name in names:
-        for side in sides_of(name):
-            yield compare(name, side, log, robot, setting or Setting())
+        for values, side in itertools.product(modes_of(name), sides_of(name)):
+            yield compare(name, side, log, robot, setting or Setting(), values)
 
 
 def markdown(found: list[Row]) -> str:

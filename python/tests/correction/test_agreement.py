@@ -16,6 +16,7 @@ from rtds_host.studies.agreement import (
     compare,
     designed_run,
     markdown,
+    modes_of,
     rows,
     sides_of,
     values_of,
@@ -49,6 +50,14 @@ def log():
 def test_simulator_agrees_with_the_replay(effect, log):
     row = compare(effect, sides_of(effect)[-1], log, builtin_robot("burger"), Setting())
     assert row.within, f"{row.apart} above {row.bound}, most in {row.worst}"
+
+
+def test_a_bridge_in_fast_decay_agrees_too(log):
+    _, on = modes_of("pwm_curve")
+    assert on["fast_decay"] == 1.0
+    for side in sides_of("pwm_curve"):
+        row = compare("pwm_curve", side, log, builtin_robot("burger"), Setting(), on)
+        assert row.within, f"{side}: {row.apart} above {row.bound}, most in {row.worst}"
 
 
 # A centre of mass far ahead of the axle makes the robot yaw at a hard reversal in MuJoCo, and neither in PyBullet nor

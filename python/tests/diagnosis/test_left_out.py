@@ -175,7 +175,7 @@ def test_what_one_run_alone_knows_of_and_fits_amiss_in_the_others_is_not_include
     ("cause", "size", "why"),
     [
         (("measurement_delay", "both"), {"seconds": 0.0}, ABSENT),
-        (("pwm_curve", "both"), {"curvature": 10.0}, AT_BOUND),
+        (("pwm_curve", "both"), {"curvature": 10.0, "fast_decay": 0.0}, AT_BOUND),
         (("resistance_error", "left"), {"ratio": 1.01}, TOLERATED),
     ],
 )

@@ -201,8 +201,14 @@ PLANAR = {
     "history": ((), ROBOT, {}),
     "heat": ((), ROBOT, {}),
     "grease": ((), ROBOT, {}),
-    "servo": ((("pwm_curve", "both", {"curvature": 0.1}), ("battery_decline", "both", {"rate_v_per_s": 0.5})), SERVO,
-        {}),
+    "servo": (
+        (
+            ("pwm_curve", "both", {"curvature": 0.1, "fast_decay": 0.0}),
+            ("battery_decline", "both", {"rate_v_per_s": 0.5}),
+        ),
+        SERVO,
+        {},
+    ),
 }  # fmt: skip
 
 

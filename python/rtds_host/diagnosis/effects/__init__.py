@@ -27,8 +27,9 @@ def catalogue(robot: Robot, runs: Sequence[RunLog] = ()) -> dict[str, Effect]:
     What acts before a speed loop is left out where a robot has none.
     """
     scales = scales_of(robot, runs)
+    bench = robot.axis is not None and robot.driver.mode != "torque"
     return {
-        name: effect.on(scales)
+        name: (effect if bench else effect.off_bench()).on(scales)
         for name, effect in CATALOGUE.items()
         if robot.driver.mode == "speed" or not effect.before_loop
     }

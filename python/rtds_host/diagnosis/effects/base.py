@@ -29,7 +29,9 @@ class Parameter:
     SI. null : value at which the effect is absent; low, high : bounds; spread : one sigma of what is met in practice,
     about `null` (sets the price of a free parameter); starts : values to start a fit from; difference : step of a
     derivative, in spreads;
-    optional : a diagnosis may leave it out, it is `null` then; shape : it gives the effect's form, not its size; steep
+    optional : a diagnosis may leave it out, it is `null` then; shape : it gives the effect's form, not its size; switch
+    : a fit that starts without it never takes it up, so its starts are modes of the effect; bench : looked for on
+    a single axis that is driven by voltage or speed alone; steep
     : by it steps of a signal come late, and a misfit falls only near its right value; of : the value of robot.toml that
     it is a factor of, as "table.key"; declared : by the kind of a single axis, the value of `[axis]` that it adds to,
     and its unit: a fit then works in shares of that value, since loads of axes span many orders of magnitude.
@@ -46,6 +48,8 @@ class Parameter:
     difference: float = 0.01
     optional: bool = False
     shape: bool = False
+    switch: bool = False
+    bench: bool = False
     steep: bool = False
     of: str = ""
     declared: Mapping[str, tuple[str, str]] | None = None
@@ -139,8 +143,9 @@ class Effect:
     effect whose parameters of the plant it writes, and whose `exports` it has.
     `gives`: the wheel may turn next to the gear with it, so that it matters where the encoder sits.
     `compared_at`: sizes in SI at which simulator and replay are compared, where the middle start would not be met;
-    `agrees_within`: a wider bound on their difference, in units of noise, and its reason. `check`: a measurement
-    by hand that shows this effect and none of `confused_with`; `advice`: what to do once it is shown. `seen_by`:
+    `agrees_within`: a wider bound on their difference, in units of noise, and its reason; of an effect with switches
+    where one is on. `check`: a measurement by hand that shows this effect and none of `confused_with`; `advice`: what
+    to do once it is shown. `seen_by`:
     channels (without side) of which one must be logged. `runs_in` says where it acts in the real-time simulator: "rtl",
     "robot", "signal", or "refused" where it has no such robot. `restarts`: parameters to fit from as well, where the
     misfit has more than one minimum; `starts_in_loop`: parameters to take signatures at as well in speed mode, where
@@ -211,6 +216,10 @@ class Effect:
             restarts=tuple({name: units[name] * value for name, value in start.items()} for start in self.restarts),
         )
 
+    def off_bench(self) -> Effect:
+        """The same, with what is looked for on a bench alone absent at its starts."""
+        return replace(self, parameters=tuple(replace(p, starts=(p.null,)) if p.bench else p for p in self.parameters))
+
     @property
     def steep(self) -> bool:
         """Whether its misfit falls only near the right size (steps of a signal that come late)."""
@@ -229,6 +238,10 @@ class Effect:
     def scaled(self, values: Mapping[str, float]) -> np.ndarray:
         """Its parameters as a fit has them, (n,), from their values in SI."""
         return np.array([p.scaled(values[p.name]) for p in self.parameters])
+
+    def mode(self, values: Mapping[str, float]) -> tuple[bool, ...]:
+        """Which of its switches are on, by values in SI."""
+        return tuple(values[p.name] != p.null for p in self.parameters if p.switch)
 
     def within(self, values: Mapping[str, float]) -> dict[str, float]:
         """Values of all its parameters within their bounds, SI; of one that is missing its first start."""

@@ -13,7 +13,8 @@ from rtds_host.diagnosis.problem import PIECE_S
 from rtds_host.diagnosis.replay.model import Model
 from rtds_host.diagnosis.scales import scales_of
 from rtds_host.plant.compiled import loop
-from rtds_host.plant.driver import duty
+from rtds_host.plant.driver import duty, fast_decay
+from rtds_host.plant.elementary import exponential
 
 # Blocks start again from what is measured once a discrepancy has come and gone: the longer, the better small torques
 # show, and the farther a wrong start leads.
@@ -31,6 +32,15 @@ def duties(volts, supply, curve, deadzone, gain):
     out = np.empty_like(volts)
     for k in range(len(volts)):
         out[k] = duty(volts[k], supply, curve, deadzone, gain)
+    return out
+
+
+@loop
+def decays(volts, emf, supply, periods):
+    """`rtds_host.plant.driver.fast_decay` of voltages (n,) and back EMFs (n,), V."""
+    out = np.empty_like(volts)
+    for k in range(len(volts)):
+        out[k] = fast_decay(volts[k], emf[k], supply, periods, exponential)
     return out
 
 
@@ -175,7 +185,8 @@ class Signals:
         """Voltage behind the driver, times `factor` (n,) where the bus sags, and the current that follows from it."""
         model, t = self.model, self.t
         ke = model.get("back_emf", k) * model.get("gear_ratio")
-        end, mean = self.driver(self.v_end[k], k), self.driver(self.v_mean[k], k)
+        emf = ke * self.w[k]
+        end, mean = self.driver(self.v_end[k], emf, k), self.driver(self.v_mean[k], middles(emf), k)
         if factor is not None:
             end, mean = end * factor, mean * middles(factor)
         limit = model.get("limit", k)
@@ -279,10 +290,15 @@ class Signals:
         mid = middles(self.heading) - self.heading[rows][start]
         self.way = Way(rows, np.cos(mid), np.sin(mid), full)
 
-    def driver(self, volts: np.ndarray, k: int) -> np.ndarray:
-        """Voltage behind the driver's curve, dead zone and gain, as the replay has it."""
+    def driver(self, volts: np.ndarray, emf: np.ndarray, k: int) -> np.ndarray:
+        """Voltage behind the driver's curve, dead zone and gain, as the replay has it; emf : (n,) V, back EMF."""
         get = self.model.get
-        return duties(volts, self.supply, get("pwm_curve", k), get("deadzone", k), get("voltage_gain", k))
+        dead, gain, share = get("deadzone", k), get("voltage_gain", k), get("fast_decay", k)
+        curved = duties(volts, self.supply, get("pwm_curve", k), dead, gain)
+        if not share:
+            return curved
+        plain = duties(volts, self.supply, 0.0, dead, gain)
+        return curved + share * (decays(plain, emf, self.supply, get("pwm_periods", k)) - curved)
 
     def heat(self, current: np.ndarray, resistance: float, tau: float) -> np.ndarray:
         """First-order response to the winding's loss, (n,), in watts."""

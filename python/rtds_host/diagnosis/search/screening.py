@@ -85,15 +85,21 @@ def further_starts(store: Store, fit: Fit) -> dict[tuple[str, str], list[dict]]:
 
 
 def ranked(store: Store, screens: Iterable[Screen], count: int) -> list[Candidate]:
-    """The first `count` effects of each screening by predicted gain: the best side, and another with nearly as much."""
-    picked: dict[tuple[str, str], Candidate] = {}
+    """The first `count` effects of each screening by predicted gain: the best side, and another with nearly as much.
+
+    All modes of an effect are among them: what one promises as it stands says little of where a fit takes it.
+    """
+    picked: dict[tuple[tuple[str, str], tuple[bool, ...]], Candidate] = {}
     for screen in screens:
-        sides: dict[str, list[Candidate]] = {}
+        sides: dict[str, dict[tuple[str, str], float]] = {}
+        modes: dict[tuple[str, str], list[Candidate]] = {}
         for c in screen.candidates():
+            modes.setdefault(c.cause, []).append(c)
             if c.gain > 0.0 and not doubles(store.problem, c.cause, screen.taken):
-                sides.setdefault(c.cause[0], []).append(c)
+                sides.setdefault(c.cause[0], {}).setdefault(c.cause, c.gain)
         for mine in list(sides.values())[:count]:
-            for c in mine[:2]:
-                if c.gain >= NEARLY * mine[0].gain:
-                    picked.setdefault(c.cause, c)
+            best = max(mine.values())
+            for cause, gain in list(mine.items())[:2]:
+                for c in modes[cause] if gain >= NEARLY * best else ():
+                    picked.setdefault((cause, c.mode), c)
     return list(picked.values())
