@@ -914,7 +914,6 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                 h, w, wn, tau = s[H + l], s[o + WM + l], s[o + WMN + l], s[o + SPEED_TAU + l]
                 mean = s[o + M0 + l] - s[o + M1 + l] * w
                 s[o + CUR + l] = s[o + C0 + l] - s[o + C1 + l] * w
-                s[o + GAINED + l] = (w - wn) / h
                 rise = s[o + RISE + l]
                 res = motor.warm(s[o + RES + l], rise)
                 hotter = motor.warmer(rise, h, s[o + HEAT + l], s[o + HEAT_TAU + l], mean, res)
@@ -924,6 +923,10 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                 wheel, wheel_n, behind = s[o + W + l], s[o + WN + l], s[AT_WHEEL + l] > 0.0
                 seen, seen_n = wheel if behind else w, wheel_n if behind else wn
                 s[o + WF + l] = sensors.low_pass(s[o + WF + l], seen, seen_n, h, tau, s[o + FADE + l])
+        if decays:
+            for o in range(0, ends, _SIDE):
+                for l in range(lanes):
+                    s[o + GAINED + l] = (s[o + WM + l] - s[o + WMN + l]) / s[H + l]
         if flexible:
             for o in range(0, ends, _SIDE):
                 for l in range(lanes):
