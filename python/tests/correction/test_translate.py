@@ -24,6 +24,7 @@ WITH = {
     "ripple_in_phase": {"ripple": 0.02},
     "ripple_in_quadrature": {"ripple": 0.02},
     "heat_tau": {"heat_rise": 0.1},
+    "pwm_periods": {"fast_decay": 1.0},
 }
 ODD = {"limit": 6.0, "heat_tau": 20.0}
 SMALL = ("stribeck_speed", "ripple_cycles")
