@@ -3,6 +3,7 @@
 import itertools
 import os
 import random
+import select
 import threading
 import time
 import tty
@@ -39,6 +40,7 @@ class Board:
         tty.setraw(slave)
         self.device = os.ttyname(slave)
         self._slave = slave
+        self._ended, self._end = os.pipe()
         self.words = {r.address: r.reset for r in MAP.registers}
         self.words[0] = identity
         self.words[1] = MAP.version_word
@@ -48,14 +50,13 @@ class Board:
 
     def _serve(self):
         while True:
-            try:
-                while self.stuck:
-                    time.sleep(0.01)
-                request = b""
-                while len(request) < 9:
-                    request += os.read(self.master, 9 - len(request))
-            except OSError:
-                return
+            while self.stuck:
+                time.sleep(0.01)
+            request = b""
+            while len(request) < 9:
+                if self._ended in select.select([self.master, self._ended], [], [])[0]:
+                    return
+                request += os.read(self.master, 9 - len(request))
             decoded = decode(request, SOF_REQUEST)
             if decoded is None or self.answers == 0:
                 continue
@@ -71,8 +72,12 @@ class Board:
             os.write(self.master, self.noise + bytes(answer))
 
     def close(self):
-        os.close(self._slave)
-        os.close(self.master)
+        # The thread ends first: the next board gets the same numbers of files, and this one would answer for it.
+        self.stuck = False
+        os.write(self._end, b"x")
+        self.thread.join()
+        for file in (self._slave, self.master, self._ended, self._end):
+            os.close(file)
 
 
 @pytest.fixture
