@@ -8,7 +8,8 @@ import numpy as np
 
 from rtds_host.errors import InputError
 from rtds_host.motor.effects import MotorParameters, SupplyEffects, UnitEffects
-from rtds_host.plant.driver import duty, fast_decay
+from rtds_host.plant.compiled import loop
+from rtds_host.plant.driver import decay_adds, duty
 from rtds_host.plant.elementary import exponential
 from rtds_host.plant.forms import no_forms
 from rtds_host.robot import Body
@@ -96,6 +97,12 @@ class GearValues:
     grip: float = 0.9
 
 
+@loop
+def _decay_adds(curved, plain, emf, supply, share, periods):
+    """`rtds_host.plant.driver.decay_adds`, compiled."""
+    return decay_adds(curved, plain, emf, supply, share, periods, exponential)
+
+
 @dataclass(frozen=True)
 class BridgeValues:
     """A side's bridge with a `share` of fast decay: its PWM period over L / R, the curve that the other share has, dead
@@ -113,8 +120,7 @@ class BridgeValues:
         plain, curved = (
             duty.py_func(asked, self.supply_v, curve, self.deadzone_v, self.gain) for curve in (0.0, self.curve)
         )
-        mean = fast_decay.py_func(plain, emf, self.supply_v, self.periods, exponential.py_func)
-        return curved - plain + self.share * (mean - curved)
+        return curved - plain + _decay_adds(curved, plain, emf, self.supply_v, self.share, self.periods)
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,9 @@
 """Forms that no table of a motor unit holds, in the simulator: between motor units and engine, and in the sensors.
 
-A bridge in fast decay, whose voltage follows the back EMF, is sent as a form of a voltage is.
 The equations are the replay's (`rtds_host.plant.forms.act`), taken once an exchange in its middle. Torques load the
 motors, forces on the body load the wheels, dry friction against turning joins the scrub. A voltage is sent as the
 command whose bridge voltage is larger by it, and so is what a change of the torque constant takes off the back-EMF.
+So is the voltage of a bridge in fast decay, which follows the back-EMF.
 """
 
 from __future__ import annotations

@@ -52,6 +52,16 @@ def fast_decay(volts, emf, bus, periods, exp_minus):
 
 
 @law
+def decay_adds(curved, plain, emf, bus, share, periods, exp_minus):
+    """What a share of fast decay adds to a driver's voltage, V.
+
+    curved, plain : V, behind dead zone and gain, with the driver's curve and without; share : 1; the rest as of
+    `fast_decay`.
+    """
+    return share * (fast_decay(plain, emf, bus, periods, exp_minus) - curved)
+
+
+@law
 def after_bridge_drop(volts, emf, drop, knee, resistance):
     """Voltage at a winding, V, after the bridge's drop: V - drop tanh(i / knee), and V - drop sgn(i) without a knee
     (contract, section 3).

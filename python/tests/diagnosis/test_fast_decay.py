@@ -1,11 +1,12 @@
 """A bridge in fast decay: its replay and its diagnosis, of a motor whose bridge switches."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from rtds_host.contract import RunMeta, load_robot, read_case, write_run
+from rtds_host.contract import RunMeta, builtin_robot, load_robot, read_case, write_run
 from rtds_host.diagnosis.diagnose import diagnose
 from rtds_host.diagnosis.effects import catalogue
 from rtds_host.diagnosis.effects.pwm_curve import DUTY, NO_LOAD, periods
@@ -93,9 +94,9 @@ def bench(tmp_path_factory):
 
 
 def test_the_replay_of_a_motor_behind_such_a_bridge_is_that_of_the_switches_within_the_noise(bench):
-    robot, curvature = load_robot(bench / "robot.toml"), 2.0
+    robot = load_robot(bench / "robot.toml")
     model = nominal_model(robot)
-    catalogue(robot)["pwm_curve"].apply(model, (0,), {"curvature": curvature, "fast_decay": 1.0})
+    model.put("fast_decay", 1.0, (0,))
     model.put("pwm_periods", PERIOD_S * OHM / HENRY, (0,))
     model.put("coulomb", FRICTION, (0,))
     model.put("speed_tau", LAG_S, (0,))
@@ -129,5 +130,13 @@ def test_a_screening_that_ranks_an_effect_proposes_each_of_its_modes(bench):
     search = Search(Problem(read_case(bench), 1), quick=True)
     fit = search.begin()
     screens, _ = search.screening.renewed(search.store, fit)
-    found = {one.mode: one.gain for one in ranked(search.store, screens, 12) if one.cause == ("pwm_curve", "left")}
-    assert found.keys() == {(False,), (True,)}
+    found = {one.mode for one in ranked(search.store, screens, 12) if one.cause == ("pwm_curve", "left")}
+    assert found == {(False,), (True,)}
+
+
+def test_it_is_looked_for_on_an_axis_driven_by_voltage_alone(bench):
+    axis = load_robot(bench / "robot.toml")
+    by_torque = replace(axis, driver=replace(axis.driver, mode="torque", torque_nm_per_v=0.1))
+    for robot, starts in ((axis, (0.0, 1.0)), (by_torque, (0.0,)), (builtin_robot("burger"), (0.0,))):
+        *_, share = catalogue(robot)["pwm_curve"].parameters
+        assert share.starts == starts

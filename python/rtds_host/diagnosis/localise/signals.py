@@ -13,7 +13,7 @@ from rtds_host.diagnosis.problem import PIECE_S
 from rtds_host.diagnosis.replay.model import Model
 from rtds_host.diagnosis.scales import scales_of
 from rtds_host.plant.compiled import loop
-from rtds_host.plant.driver import duty, fast_decay
+from rtds_host.plant.driver import decay_adds, duty
 from rtds_host.plant.elementary import exponential
 
 # Blocks start again from what is measured once a discrepancy has come and gone: the longer, the better small torques
@@ -36,11 +36,11 @@ def duties(volts, supply, curve, deadzone, gain):
 
 
 @loop
-def decays(volts, emf, supply, periods):
-    """`rtds_host.plant.driver.fast_decay` of voltages (n,) and back EMFs (n,), V."""
-    out = np.empty_like(volts)
-    for k in range(len(volts)):
-        out[k] = fast_decay(volts[k], emf[k], supply, periods, exponential)
+def decayed(curved, plain, emf, supply, share, periods):
+    """Voltages (n,) V with what `rtds_host.plant.driver.decay_adds`; curved, plain, emf : (n,) V."""
+    out = np.empty_like(curved)
+    for k in range(len(curved)):
+        out[k] = curved[k] + decay_adds(curved[k], plain[k], emf[k], supply, share, periods, exponential)
     return out
 
 
@@ -298,7 +298,7 @@ class Signals:
         if not share:
             return curved
         plain = duties(volts, self.supply, 0.0, dead, gain)
-        return curved + share * (decays(plain, emf, self.supply, get("pwm_periods", k)) - curved)
+        return decayed(curved, plain, emf, self.supply, share, get("pwm_periods", k))
 
     def heat(self, current: np.ndarray, resistance: float, tau: float) -> np.ndarray:
         """First-order response to the winding's loss, (n,), in watts."""

@@ -106,16 +106,6 @@ def served(side, k, com, wanted, integral, told):
     return driver.servo(miss, integral, com[KP], com[KI], com[SERVO_T], limit, com[RELEASE])
 
 
-@law
-def decaying(side, k, supply, plain, static, emf):
-    """What fast decay adds to a side's voltage, V, all at the nominal bus voltage.
-
-    plain, static : V, behind the driver's dead zone and gain, without and with its curve; emf : V, back EMF in the
-    middle of the step.
-    """
-    return side[k, FAST] * (driver.fast_decay(plain, emf, supply, side[k, PERIODS], exponential) - static)
-
-
 @loop
 def _followed(angle, t_cmd, kc, k, time):
     """A wheel's measured angle, rad, at a time, s, between the rows of the commands in force and next."""
@@ -391,7 +381,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                 if decays:
                     # The voltage follows the back EMF: at the speed that the middle of the step is going to have.
                     emf = ke[k] * (wm[k] + 0.5 * h * gained[k]) / max(level, LEAST_LEVEL)
-                    vf[k] = decaying(side, k, supply, vp[k], vd[k], emf)
+                    vf[k] = driver.decay_adds(vd[k], vp[k], emf, supply, side[k, FAST], side[k, PERIODS], exponential)
                     ve[k] = vd[k] + vf[k]
                 if slipping and side[k, SLIP] > 0.0:
                     rim, slip, length = side[k, RADIUS] * wn[k], side[k, SLIP], side[k, SLIP_LENGTH]

@@ -613,8 +613,10 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                 for l in range(lanes):
                     middle = s[o + WM + l] + 0.5 * s[H + l] * s[o + GAINED + l]
                     emf = s[o + KE + l] * middle / max(s[LEVEL + l], LEAST_LEVEL)
-                    fast = driver.fast_decay(s[o + PLAIN_VD + l], emf, s[SUPPLY + l], s[o + PERIODS + l], exp_minus)
-                    s[o + DECAYED + l] = s[o + FAST + l] * (fast - s[o + OWN_VD + l])
+                    own, plain, supply = s[o + OWN_VD + l], s[o + PLAIN_VD + l], s[SUPPLY + l]
+                    s[o + DECAYED + l] = driver.decay_adds(
+                        own, plain, emf, supply, s[o + FAST + l], s[o + PERIODS + l], exp_minus
+                    )
                     s[o + VD + l] = s[o + OWN_VD + l] + s[o + DECAYED + l]
         if formed:
             _formed(s, ends, job, curved, by_current, which, sides, coms, curves, shaped, about, acts, past)
