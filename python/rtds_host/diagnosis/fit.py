@@ -43,6 +43,8 @@ RENEWED, RENEWALS = 5.0, 1
 # share of the excess, and how often the nuisances' derivatives are taken again.
 SETTLED_GAIN = 0.5
 SETTLED = 40, SETTLED_GAIN, 1e-5, 8
+# Numerical: factor between the variances of noise by which a fit is graduated.
+GRADUATED = 3.0
 # Numerical: fits computed together: their replays fill the lanes of a batch, and each keeps its derivatives.
 AT_ONCE = 8
 # Numerical: shares of the diagonal that are added to the normal equations, and the shortest part of a step without any.
@@ -475,6 +477,22 @@ class Fitter:
                 least=ROUGH_GAIN if rough else STEP_GAIN,
             )
         )
+
+    def graduating(self, plain: Fit) -> Requesting[Fit]:
+        """A fit by plain squares taken on to an optimum of the likelihood, by likelihoods of ever less noise.
+
+        Where a gap is left, a group within the sensors' noise is within it by chance, and each such chance is an
+        optimum. With noise as large as what is left there are few, and each fit starts from the one before. Graduated
+        non-convexity: A. Blake, A. Zisserman, Visual Reconstruction, 1987.
+        """
+        fit, variance = plain, float(np.mean(np.square(plain.residual)))
+        while GRADUATED < variance < math.inf:
+            variance /= GRADUATED
+            noise = plain.noise.with_variance(variance)
+            fit = yield from self.fitting(
+                fit.hypothesis, fit.u, fit.z, noise, ROUGH_ITERATIONS, by_nuisance=fit.by_nuisance
+            )
+        return (yield from self.fitting(fit.hypothesis, fit.u, fit.z, plain.noise, by_nuisance=fit.by_nuisance))
 
     def settling(self, fit: Fit) -> Requesting[Fit]:
         """A fit taken on to its optimum by the objective that it was fitted by, or itself if that is no better."""

@@ -50,6 +50,7 @@ class Likelihood:
     weight : (m,) weight of the rows of each group; None: white noise alone.
     constant : (m,) what the tangent of each group's cost has beyond the weighted squares.
     sizes : (m,) rows of each group, where they are known.
+    variance : of the white noise, in units of the sensors'.
     """
 
     def __init__(
@@ -59,8 +60,9 @@ class Likelihood:
         weight: np.ndarray | None = None,
         constant: np.ndarray | None = None,
         sizes: np.ndarray | None = None,
+        variance: float = 1.0,
     ):
-        self.groups, self.samples, self.count = groups, samples, len(groups)
+        self.groups, self.samples, self.count, self.variance = groups, samples, len(groups), variance
         self.sizes = np.bincount(groups).astype(float) if sizes is None else sizes
         self.weight = weight
         self.constant = np.zeros(len(self.sizes)) if constant is None else constant
@@ -111,6 +113,11 @@ class Likelihood:
         cost = float(costs.sum())
         return cost if math.isfinite(cost) else math.inf
 
+    def with_variance(self, variance: float) -> Likelihood:
+        """The likelihood of white noise alone, of another variance, in units of the sensors', to estimate another
+        from: groups then count as exact up to that."""
+        return Likelihood(self.groups, self.samples, sizes=self.sizes, variance=variance)
+
     def blocks(self, residual: np.ndarray, blocks: np.ndarray, count: int) -> np.ndarray:
         """The same by block of time, (count,); `blocks` (N,) says which block a residual is in."""
         white = self.whiten(residual)
@@ -121,12 +128,13 @@ class Likelihood:
         square, unknown, costs = self._by_group(residual)
         with np.errstate(over="ignore", invalid="ignore"):  # of a replay that ran away
             constant = costs - self.sizes * square / unknown
-        return Likelihood(self.groups, self.samples, 1.0 / unknown, constant, self.sizes)
+        weight = 1.0 / (unknown * self.variance)
+        return Likelihood(self.groups, self.samples, weight, constant, self.sizes, self.variance)
 
     def _by_group(self, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Of each group (m,): the mean square V of residuals (N,), 1 + n (V - V0) / b or 1 where V <= V0, and -2 log
-        likelihood."""
-        square, unknown, within = _mean_squares(self.groups, residual, self.sizes, self.samples)
+        """Of each group (m,): the mean square V of residuals (N,) over the variance, 1 + n (V - V0) / b or 1 where
+        V <= V0, and -2 log likelihood."""
+        square, unknown, within = _mean_squares(self.groups, residual, self.sizes, self.samples, self.variance)
         return square, unknown, within + self.samples * np.log(unknown)
 
     def curvature(self, jacobian: np.ndarray, white: np.ndarray) -> np.ndarray:
@@ -143,7 +151,7 @@ class Likelihood:
         if self.weight is None:
             return np.zeros((jacobian.shape[1],) * 2)
         products = _products(self.groups, white, jacobian.T, len(self.sizes))
-        squares = np.where(self.weight < 1.0, _squares(self.groups, white, len(self.sizes)), np.inf)
+        squares = np.where(self.weight < 1.0 / self.variance, _squares(self.groups, white, len(self.sizes)), np.inf)
         return (products * (CURVATURE_SHARE / squares)) @ products.T
 
     def misfit(self, residual: np.ndarray) -> float:
@@ -180,14 +188,14 @@ def _squares(groups, residual, count):
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _mean_squares(groups, residual, sizes, samples):
-    """Of each group (m,): the mean square V of residuals (N,), 1 + n (V - V0) / b or 1 where V <= V0, and n V or n V0,
-    whichever is less."""
+def _mean_squares(groups, residual, sizes, samples, variance):
+    """Of each group (m,): the mean square V of residuals (N,) over the variance, 1 + n (V - V0) / b or 1 where V <= V0,
+    and n V or n V0, whichever is less."""
     square = _squares(groups, residual, len(sizes))
     unknown, within = np.empty(len(sizes)), np.empty(len(sizes))
     for k in range(len(sizes)):
         n = sizes[k]
-        square[k] /= n
+        square[k] /= n * variance
         largest = 1.0 + CHANCE_SIGMAS * math.sqrt(2.0 / n)
         over = square[k] - largest
         unknown[k] = 1.0 + n * over / samples[k] if over > 0.0 else 1.0

@@ -13,7 +13,7 @@ from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis import left_out
 from rtds_host.diagnosis.attribution import attribute
 from rtds_host.diagnosis.evidence import enough_to_include
-from rtds_host.diagnosis.fit import Fit, joined, scaled
+from rtds_host.diagnosis.fit import Fit, joined, scaled, side_by_side
 from rtds_host.diagnosis.left_out import left_out_gap, left_out_in_few_steps, over_pieces, parted, predicted
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
@@ -225,3 +225,21 @@ def test_plain_squares_find_another_optimum_of_an_explanation_than_the_likelihoo
     assert [one.hypothesis for one in optima] == [fit.hypothesis] * len(optima)
     assert float(plain.residual @ plain.residual) < 0.98 * float(fit.residual @ fit.residual)
     assert plain.values[0]["torque_nm"] > 1.03 * fit.values[0]["torque_nm"]
+
+
+def test_a_graduated_fit_ends_in_one_optimum_wherever_it_starts():
+    """Three runs say three frictions, and each is an optimum of the likelihood: fits end in the one nearest to their
+    start. By ever less noise they end in the middle one, which is the most probable."""
+    search, fit = fitted(with_frictions(0.01, 0.03, 0.06), {COULOMB: {"torque_nm": 0.02}})
+    fitter, white = search.store.fitter, search.problem.white()
+    ends = {True: [], False: []}
+    for start in (0.01, 0.03, 0.06):
+        u = scaled(fit.effects, fit.hypothesis, [{"torque_nm": start}])
+        plain = fitter.fit(fit.hypothesis, u, np.zeros_like(fit.z), white, fixed=True)
+        (graduated,) = side_by_side(search.problem, [fitter.graduating(plain)])
+        direct = fitter.fit(fit.hypothesis, u, np.zeros_like(fit.z), white)
+        for kind, one in ((True, graduated), (False, direct)):
+            ends[kind].append((one.values[0]["torque_nm"], one.cost))
+    assert [friction for friction, _ in ends[False]] == pytest.approx([0.01, 0.03, 0.06], rel=0.05)
+    assert [friction for friction, _ in ends[True]] == pytest.approx([0.03] * 3, rel=0.02)
+    assert max(cost for _, cost in ends[True]) < min(cost for _, cost in ends[False]) + 2.0

@@ -56,6 +56,24 @@ def test_weights_bound_the_cost_from_above_and_touch_it_where_they_were_taken():
         assert at.cost(other) >= exact(other) - 1e-9
 
 
+def test_with_noise_of_another_variance_residuals_count_in_its_unit():
+    """Cost, weights and curvature are those of residuals that are as many times smaller, and of derivatives too."""
+    residual, column = noise(size=7.0), noise(3)[:, None]
+    one, other = (
+        Likelihood(GROUPS, ONE).with_variance(v).estimated(r) for v, r in ((9.0, residual), (1.0, residual / 3))
+    )
+    assert one.exact_cost(residual) == pytest.approx(other.exact_cost(residual / 3))
+    assert one.cost(2.0 * residual) == pytest.approx(other.cost(2.0 * residual / 3))
+    assert 3.0 * one.whiten(column[:, 0]) == pytest.approx(other.whiten(column[:, 0]))
+    curvatures = [
+        at.curvature(at.whitened(column.T, float), at.whiten(r)) for at, r in ((one, residual), (other, residual / 3))
+    ]
+    assert curvatures[0] * 9.0 == pytest.approx(curvatures[1], rel=1e-5)
+    within = Likelihood(GROUPS, ONE).with_variance(100.0).estimated(residual)
+    assert within.exact_cost(residual) == pytest.approx(residual @ residual / 100.0)
+    assert not within.curvature(column, within.whiten(residual)).any()
+
+
 def slopes_and_curvature(residual, jacobian):
     """Derivatives (N, p) with the weights of a residual (N,), and what the logarithm takes off their Hessian."""
     at = Likelihood(GROUPS, ONE).estimated(residual)

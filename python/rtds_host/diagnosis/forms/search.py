@@ -306,11 +306,12 @@ def choices(
     problem.follow_angles(True)
     fits = [fitted(problem, rough.fit, known, one) for rough, _, one in good]
     problem.follow_angles(False)
-    # What the likelihood ends in may leave more of runs left out than what the rough fit came to.
+    # What the likelihood ends in may leave more of runs left out than what the rough fit came to. By the screening's
+    # derivatives, fits without a run would leave less than they do.
     ended = [
-        (one, HeldOutScore.in_few_steps(problem, renewed(problem, fit)) if fit is not rough.fit else rough)
+        (one, HeldOutScore.in_few_steps(problem, renewed(problem, fit)))
         for (rough, base, one), converged in zip(good, fits, strict=True)
-        for fit in (rough.fit, converged)
+        for fit in (derived(problem, rough.fit), converged)
         if fit.score < base.score
     ]
     others = [(one, rough) for rough, base, one in judged if rough.fit.score >= base.score]

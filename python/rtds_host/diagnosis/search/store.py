@@ -199,11 +199,11 @@ class Store:
         return self._nuisances_only
 
     def local_optima(self, fits: Sequence[Fit]) -> list[list[Fit]]:
-        """Of each explanation the fit, that by plain squares from no nuisance, and that by the likelihood from there.
+        """Of each explanation the fit, that by plain squares from no nuisance, and that by the likelihood, graduated
+        from there.
 
         A logarithm of squares has many local optima, since what fits a stretch well makes that stretch heavy; plain
         squares have few, and do not depend on the noise that is declared. Held-out runs decide which one is best.
-        Graduated non-convexity: A. Blake, A. Zisserman, Visual Reconstruction, 1987.
         """
         white = self.problem.white()
         new = [
@@ -215,9 +215,7 @@ class Store:
             self.problem,
             [self.fitter.fitting(f.hypothesis, f.u, np.zeros_like(f.z), white, ITERATIONS, fixed=True) for f in new],
         )
-        likely = side_by_side(
-            self.problem, [self.fitter.fitting(f.hypothesis, f.u, f.z, white, ITERATIONS) for f in plain]
-        )
+        likely = side_by_side(self.problem, map(self.fitter.graduating, plain))
         for others in zip(plain, likely, strict=True):
             self._local_optima[others[0].hypothesis] = others
         return [[fit, *filter(self.admissible, self._local_optima[fit.hypothesis])] for fit in fits]
