@@ -125,6 +125,8 @@ def tried(form: Form, gap: float, score: float) -> tuple:
 def test_a_form_with_evidence_against_its_ends_competes_until_they_are_moved(monkeypatch):
     """The evidence is asked again once they are, and without it those are chosen from that have it."""
     monkeypatch.setattr(search, "fitted", lambda problem, fit, known, one: fit)
+    for name in ("derived", "renewed"):
+        monkeypatch.setattr(search, name, lambda problem, fit: fit)
     problem = SimpleNamespace(follow_angles=lambda on: None)
     reading = Form("current_sensor", "i", -0.03, 0.03, 0.01)
     against, good = tried(reading, 2.1, 300.0), tried(OVER_COMMAND, 2.6, -20.0)
@@ -137,6 +139,18 @@ def test_a_form_with_evidence_against_its_ends_competes_until_they_are_moved(mon
     assert gaps([against]) == [[2.1]]
     # One that leaves more of held-out runs than those which have evidence for them is of no use.
     assert [set(pool) for pool in gaps([good, tried(reading, 2.7, 300.0)])] == [{2.6}]
+
+
+def test_a_rough_form_is_judged_by_derivatives_of_its_own(monkeypatch):
+    """By those of the screening its fits without a run leave 2.4, by its own 3.9."""
+    rough = tried(OVER_COMMAND, 2.4, -20.0)
+    own = SimpleNamespace(score=-20.0, gap=3.9)
+    monkeypatch.setattr(search, "fitted", lambda problem, fit, known, one: own)
+    monkeypatch.setattr(search, "derived", lambda problem, fit: own if fit is rough[0].fit else fit)
+    monkeypatch.setattr(search, "renewed", lambda problem, fit: fit)
+    monkeypatch.setattr(search.HeldOutScore, "in_few_steps", lambda problem, fit: fit)
+    pools = search.choices(SimpleNamespace(follow_angles=lambda on: None), {}, [rough], True)
+    assert [[best.gap for _, best in pool] for pool in pools] == [[3.9, 3.9]]
 
 
 def test_evidence_is_compared_by_the_likelihood_of_each_where_the_explanation_is_one_by_plain_squares():
