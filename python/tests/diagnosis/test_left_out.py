@@ -243,3 +243,19 @@ def test_a_graduated_fit_ends_in_one_optimum_wherever_it_starts():
     assert [friction for friction, _ in ends[False]] == pytest.approx([0.01, 0.03, 0.06], rel=0.05)
     assert [friction for friction, _ in ends[True]] == pytest.approx([0.03] * 3, rel=0.02)
     assert max(cost for _, cost in ends[True]) < min(cost for _, cost in ends[False]) + 2.0
+
+
+def test_an_explanation_with_a_spring_is_not_graduated(monkeypatch):
+    """A spring has many optima of its own, and by the likelihood of much noise what is missing elsewhere would choose
+    among them."""
+    spring = ("gear_compliance", "both")
+    stiff = {"stiffness_nm_per_rad": 3.0, "damping_nm_s_per_rad": 0.01}
+    search, fit = fitted(with_frictions(0.02), {COULOMB: {"torque_nm": 0.02}, spring: stiff})
+    without = search.store.try_fit((COULOMB,), fit.parts[COULOMB], search.store.fits[()])
+    graduated, real = [], search.store.fitter.graduating
+    monkeypatch.setattr(
+        search.store.fitter, "graduating", lambda plain: (graduated.append(plain.hypothesis), real(plain))[1]
+    )
+    search.store.local_optima([fit, without])
+    assert spring in fit.hypothesis
+    assert graduated == [(COULOMB,)]

@@ -19,6 +19,7 @@ from rtds_host.diagnosis.fit import (
     Fitter,
     Hypothesis,
     Proposal,
+    Requesting,
     prior_cost,
     side_by_side,
 )
@@ -199,8 +200,7 @@ class Store:
         return self._nuisances_only
 
     def local_optima(self, fits: Sequence[Fit]) -> list[list[Fit]]:
-        """Of each explanation the fit, that by plain squares from no nuisance, and that by the likelihood, graduated
-        from there.
+        """Of each explanation the fit, that by plain squares from no nuisance, and that by the likelihood from there.
 
         A logarithm of squares has many local optima, since what fits a stretch well makes that stretch heavy; plain
         squares have few, and do not depend on the noise that is declared. Held-out runs decide which one is best.
@@ -215,7 +215,17 @@ class Store:
             self.problem,
             [self.fitter.fitting(f.hypothesis, f.u, np.zeros_like(f.z), white, ITERATIONS, fixed=True) for f in new],
         )
-        likely = side_by_side(self.problem, map(self.fitter.graduating, plain))
+        likely = side_by_side(self.problem, map(self._from_plain, plain))
         for others in zip(plain, likely, strict=True):
             self._local_optima[others[0].hypothesis] = others
         return [[fit, *filter(self.admissible, self._local_optima[fit.hypothesis])] for fit in fits]
+
+    def _from_plain(self, plain: Fit) -> Requesting[Fit]:
+        """An explanation that was fitted by plain squares, by the likelihood from there, graduated.
+
+        Not with a rough effect: its misfit has many optima of its own, and by the likelihood of much noise what is
+        missing elsewhere would choose among them.
+        """
+        if any(self.effects[effect].rough for effect, _ in plain.hypothesis):
+            return self.fitter.fitting(plain.hypothesis, plain.u, plain.z, plain.noise)
+        return self.fitter.graduating(plain)
