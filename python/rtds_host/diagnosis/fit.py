@@ -565,7 +565,7 @@ class Fitter:
         start: np.ndarray,
         z: np.ndarray,
         noise: Likelihood,
-        iterations: int = 8,
+        iterations: int = ITERATIONS,
         known: dict[tuple[str, str], np.ndarray] | None = None,
         fixed: bool = False,
         by_nuisance: np.ndarray | None = None,

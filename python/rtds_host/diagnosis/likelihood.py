@@ -155,11 +155,11 @@ class Likelihood:
         return (products * (CURVATURE_SHARE / squares)) @ products.T
 
     def misfit(self, residual: np.ndarray) -> float:
-        """Weighted sum of squares of residuals (N,) beyond what noise alone makes: less than one a sample of unknown
-        size; 0 where only noise is left.
+        """Weighted sum of squares of residuals (N,), over the variance, beyond what noise alone makes: less than one a
+        sample of unknown size; 0 where only noise is left.
         """
         n = self.sizes
-        square = _squares(self.groups, residual, len(n)) / n
+        square = _squares(self.groups, residual, len(n)) / (n * self.variance)
         over = n * np.maximum(square - 1.0 - CHANCE_SIGMAS * np.sqrt(2.0 / n), 0.0)
         return float(np.sum(over / (1.0 + over / self.samples)))
 

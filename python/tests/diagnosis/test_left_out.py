@@ -232,17 +232,17 @@ def test_a_graduated_fit_ends_in_one_optimum_wherever_it_starts():
     start. By ever less noise they end in the middle one, which is the most probable."""
     search, fit = fitted(with_frictions(0.01, 0.03, 0.06), {COULOMB: {"torque_nm": 0.02}})
     fitter, white = search.store.fitter, search.problem.white()
-    ends = {True: [], False: []}
+    direct_ends, graduated_ends = [], []
     for start in (0.01, 0.03, 0.06):
         u = scaled(fit.effects, fit.hypothesis, [{"torque_nm": start}])
         plain = fitter.fit(fit.hypothesis, u, np.zeros_like(fit.z), white, fixed=True)
         (graduated,) = side_by_side(search.problem, [fitter.graduating(plain)])
         direct = fitter.fit(fit.hypothesis, u, np.zeros_like(fit.z), white)
-        for kind, one in ((True, graduated), (False, direct)):
-            ends[kind].append((one.values[0]["torque_nm"], one.cost))
-    assert [friction for friction, _ in ends[False]] == pytest.approx([0.01, 0.03, 0.06], rel=0.05)
-    assert [friction for friction, _ in ends[True]] == pytest.approx([0.03] * 3, rel=0.02)
-    assert max(cost for _, cost in ends[True]) < min(cost for _, cost in ends[False]) + 2.0
+        direct_ends.append(direct)
+        graduated_ends.append(graduated)
+    assert [one.values[0]["torque_nm"] for one in direct_ends] == pytest.approx([0.01, 0.03, 0.06], rel=0.05)
+    assert [one.values[0]["torque_nm"] for one in graduated_ends] == pytest.approx([0.03] * 3, rel=0.02)
+    assert max(one.cost for one in graduated_ends) < min(one.cost for one in direct_ends) + 2.0
 
 
 def test_an_explanation_with_a_spring_is_not_graduated(monkeypatch):

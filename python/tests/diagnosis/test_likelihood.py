@@ -72,6 +72,8 @@ def test_with_noise_of_another_variance_residuals_count_in_its_unit():
     within = Likelihood(GROUPS, ONE).with_variance(100.0).estimated(residual)
     assert within.exact_cost(residual) == pytest.approx(residual @ residual / 100.0)
     assert not within.curvature(column, within.whiten(residual)).any()
+    assert one.misfit(residual) == pytest.approx(other.misfit(residual / 3)) != 0.0
+    assert within.misfit(residual) == 0.0
 
 
 def slopes_and_curvature(residual, jacobian):
